@@ -58,7 +58,7 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
         return {"stop": letter, "note": f"{where}: a new impact becomes possible"}
     if verb == "vanishes":
         return _vanishing_impact(problem, int(solution["speed_node"]))
-    flight = int(solution["flight_index"]) // getattr(problem, "pieces", 1)
+    flight = int(solution["flight_index"]) // problem.pieces
     if any(event.is_release for event in getattr(problem, "events", ())):
         return _merging_events(problem, flight)
     here, there = (_impact_name(problem, number) for number in (flight, flight + 1))
@@ -67,8 +67,8 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
 
 def _impact_name(problem: MultipointProblem | ForcedProblem, number: int) -> str:
     """The impact at the begin of a flight with this number, and that behind the last one: of closed orbits the first one again."""
-    count = (problem.inner + 1) // getattr(problem, "pieces", 1)
-    if getattr(problem, "periodic", True):
+    count = (problem.inner + 1) // problem.pieces
+    if problem.periodic:
         return f"impact {number % count + 1} of {count}"
     return f"impact {number} of {count - 1}" if 0 < number < count else "the far end" if number else "the start"
 
@@ -76,7 +76,7 @@ def _impact_name(problem: MultipointProblem | ForcedProblem, number: int) -> str
 def _vanishing_impact(problem: MultipointProblem | ForcedProblem, node: int) -> dict[str, Any]:
     """The stop's letter and the note of an impact whose speed reaches zero. node: the flight that it ends; inner + 1: that at the start."""
     letter = problem.modes.contact_letters[problem.contacts[node]]
-    name = _impact_name(problem, 0 if node > problem.inner else (node + 1) // getattr(problem, "pieces", 1))
+    name = _impact_name(problem, 0 if node > problem.inner else (node + 1) // problem.pieces)
     place = name if name.startswith("impact") else f"impact at {name}"
     return {"stop": letter, "note": f"the {place} (stop {letter}) vanishes: its speed reaches zero"}
 
@@ -93,7 +93,7 @@ def _impact_beside(problem: MultipointProblem | ForcedProblem, solution: Solutio
 
 def _whole_flight(problem: MultipointProblem | ForcedProblem, solution: Solution) -> tuple[int, float, int]:
     """The flight in which the clearance is least, the time from its start, and the number of flights: cuts are no impacts."""
-    flight, time, pieces = int(solution["clearance_flight"]), float(solution["clearance_time"]), getattr(problem, "pieces", 1)
+    flight, time, pieces = int(solution["clearance_flight"]), float(solution["clearance_time"]), problem.pieces
     if pieces > 1:
         time += flight % pieces * float(problem.flight_times(solution.y)[flight])
     return flight // pieces, time, (problem.inner + 1) // pieces

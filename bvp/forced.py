@@ -202,6 +202,9 @@ class ForcedProblem:
         self.tangent_size = (3 if self.is_smooth else 2) * self.unknowns
         self._nothing = np.zeros(1)
 
+    periodic = True
+    """Whether a closed orbit is solved from an impact on, and not a segment between two reversals."""
+
     ends: tuple[str, str] | None = None
     """The ends of the solved segment of a free orbit; None of a forced one."""
 

@@ -88,7 +88,7 @@ class ReleasedProblem(ForcedProblem):
         system = parametric.system_along(parametric.at(values), released)
         # What the ends need is refused by the problem of the system.
         self.structure = MultipointProblem(system, self.ends, sequence, pieces)
-        self.kinds, self.quarters = self.structure.kinds, self.structure.quarters
+        self.kinds, self.quarters, self.periodic = self.structure.kinds, self.structure.quarters, self.structure.periodic
         super().__init__(parametric, sequence, released, keep=keep, values=values, pieces=pieces)
         if not self.structure.periodic:
             self.segment.contact[self.inner :, 1] = -1

@@ -218,7 +218,7 @@ def _multipliers(columns: Columns, problem: MultipointProblem) -> np.ndarray:
 
 def _speeds(columns: Columns, problem: MultipointProblem) -> np.ndarray:
     """Impact speeds of exact flights from the start over the flight times; NaN for a system with damping."""
-    if getattr(problem, "pieces", 1) > 1:
+    if problem.pieces > 1:
         problem = type(problem)(problem.system, problem.ends, problem.sequence)  # what a reader has
     segment, mean = problem.segment, problem.modes.mean
     start = np.concatenate([columns["start_u"], columns["start_v"]], axis=1)

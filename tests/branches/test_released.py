@@ -10,8 +10,10 @@ import pytest
 
 from benchmarks import backbone
 from benchmarks.backbone import Backbone
+from branches.admissible import describe_grazing
 from branches.forced.tracing import follow_response
 from branches.tracing import follow_family
+from bvp.kernels.multipoint import RESULT
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
@@ -280,3 +282,13 @@ def test_events_are_those_of_families_in_the_energy():
             # The two sides of a change of label are in the order of each branch.
             words = [sorted((other.note or "").partition(":")[0].split(" becomes ")) for other in same]
             assert sorted((event.note or "").partition(":")[0].split(" becomes ")) in words
+
+
+def test_a_grazing_of_free_orbits_in_parameters_names_the_end_at_which_it_is():
+    """Oracle: S13O00+ goes from the origin to stop +, where its only impact is. The family in the energy names the same place."""
+    problem, y, h = in_phase(["mu"], ["energy = {h!r}"])
+    plain, at = problem.orbit_problem(y)
+    for solved, solution in ((problem, problem.solve(y)), (plain, plain.solve(at, energy=h))):
+        solution.result[RESULT.index("speed_node")], solution.result[RESULT.index("flight_index")] = 0.0, 0.0
+        assert describe_grazing(solved, solution, "vanishes")["note"].startswith("the impact at the far end (stop +) vanishes")
+        assert describe_grazing(solved, solution, "merge")["note"].startswith("the start and the far end merge")
