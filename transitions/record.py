@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,13 +14,11 @@ from bvp.interrupts import Pace
 from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
+from bvp.motion import Motion
+from bvp.system import ImpactSystem
 from bvp.texts import brief, shown
 from transitions.kernels import ExtentsScratch, extents_of_motion
-
-if TYPE_CHECKING:
-    from bvp.motion import Motion
-    from bvp.system import ImpactSystem
-    from transitions.sharing import Sharing
+from transitions.sharing import Sharing
 
 __all__ = ["PER_PERIOD", "Extents", "SampledMotion", "drift_rows", "extents", "require", "sampled", "samples_of"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -31,10 +31,8 @@ from bvp.released import ReleasedProblem
 from bvp.system import ImpactSystem
 from continuation.control import kinds_of
 from continuation.images import Symmetry
+from continuation.location import Location
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
-
-if TYPE_CHECKING:
-    from continuation.location import Location
 
 __all__ = ["ForcedFamily", "parameter_family"]
 

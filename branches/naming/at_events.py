@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from branches.branch import Branch, BranchEvent
 from branches.grazing.following import leaves_upward, meetings_at
 from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, format_ends
 from branches.switching import emanating_families
 from branches.tracing import follow_family
-
-if TYPE_CHECKING:
-    from branches.branch import Branch, BranchEvent
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["id_without_hash", "orbit_at_event", "orbits_at_event"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len, rfft
@@ -18,10 +18,8 @@ from branches.tables import plain_columns
 from bvp.checks import checked_energy_range, require_system
 from bvp.motion import MotionStatus
 from bvp.simulate import simulate
+from bvp.system import ImpactSystem
 from bvp.texts import brief, shown
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
 
 __all__ = [
     "Manifold", "PERIODS", "WINDOW", "check_system", "dominant_frequency", "impulsive_manifold", "impulsive_state", "oscillator_period",

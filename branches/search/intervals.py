@@ -14,7 +14,7 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,9 +26,7 @@ from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_int
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.shooting import COLUMNS, CONTACT, DERIVATIVE, DURATION, TIME, follow_impacts
 from bvp.kernels.verdict import ENDLESS, GRAZED, MIDDLE, StartSearch
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["EndCrossing", "Limits", "Opening", "first_crossings", "follow_start", "resumed", "scan", "segment_limits", "segments"]
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Sequence
 from itertools import pairwise, product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,9 +23,7 @@ from bvp.kernels import arcs as at
 from bvp.kernels.meetings import COUNTS, CURVE_A, CURVE_B, IMPACTS_A, IMPACTS_B, MET, MET_A, MET_B, MeetingSearch, meet_arcs
 from bvp.kernels.shooting import COLUMNS
 from bvp.kernels.verdict import GRAZED
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["met_segments", "nothing_new"]
 

@@ -7,21 +7,18 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from branches.forced.branch import ForcedBranch
+from bvp.parameters import ParametricSystem
 from transitions.basin.grid import BasinAxis, StartGrid
 from transitions.basin.identity import mirrored, named_by, same_states, states_later
 from transitions.basin.plan import PERIODS, BasinPlan, path_of
 from transitions.basin.record import IMPOSSIBLE, UNDECIDED, Attractor, Basin
 from transitions.basin.rounds import BasinSearch, assign_starts, begin_search
 from transitions.basin.saddles import saddles_between, saddles_of
-
-if TYPE_CHECKING:
-    from branches.forced.branch import ForcedBranch
-    from bvp.parameters import ParametricSystem
-    from transitions.response.path import ParameterPath
+from transitions.response.path import ParameterPath
 
 __all__ = ["basin", "find_basin"]
 

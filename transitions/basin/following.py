@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bvp.forcing import Force
 from bvp.interrupts import Pace
 from bvp.kernels import contact_mode as entry
 from bvp.kernels import motion as motion_kernels
+from bvp.system import ImpactSystem
 from transitions.basin import kernels
 from transitions.basin.kernels import CAUGHT, ENDED, LEFT, OPEN, Known
 from transitions.sweep import kernels as period_kernels
 from transitions.sweep.forced import Carried, ForcedMotion, carried_into, harmonics_of
-
-if TYPE_CHECKING:
-    from bvp.forcing import Force
-    from bvp.system import ImpactSystem
 
 __all__ = ["CAUGHT", "ENDED", "LEFT", "OPEN", "Followed", "StartFollower", "nothing_known"]
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bvp.checks import is_finite, is_whole
+from bvp.forcing import Force
+from bvp.system import ImpactSystem
 from bvp.texts import shown
 from transitions.sweep.forced import Carried, ForcedMotion, carried_into
-
-if TYPE_CHECKING:
-    from bvp.forcing import Force
-    from bvp.system import ImpactSystem
 
 __all__ = ["MOST", "BasinAxis", "StartGrid", "default_range", "inside", "state_names"]
 

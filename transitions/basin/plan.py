@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
+from branches.forced.branch import ForcedBranch
 from bvp.checks import is_whole
 from bvp.description import BASE
+from bvp.parameters import ParametricSystem
 from bvp.texts import shown
 from transitions.basin.grid import StartGrid
 from transitions.basin.identity import orbits_at
 from transitions.basin.record import FamilyOrbit
 from transitions.response.path import ParameterPath
 from transitions.sweep.forced import harmonics_of
-
-if TYPE_CHECKING:
-    from branches.forced.branch import ForcedBranch
-    from bvp.parameters import ParametricSystem
 
 __all__ = ["PERIODS", "BasinPlan", "path_of"]
 

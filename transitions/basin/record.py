@@ -6,17 +6,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from branches.tables import Table
 from bvp.contact_sequence import joined_sequence
+from bvp.forced import ForcedProblem
 from bvp.texts import brief
 from transitions.basin.grid import StartGrid, state_names
-
-if TYPE_CHECKING:
-    from branches.tables import Table
-    from bvp.forced import ForcedProblem
 
 __all__ = [
     "IMPOSSIBLE", "SIMULATION_ENDED", "UNDECIDED", "Attractor", "AttractorKind", "Basin", "FamilyOrbit", "Saddle", "basin_record",

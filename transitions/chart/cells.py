@@ -12,11 +12,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from bvp.forcing import Force
 from bvp.parameters import ParametricSystem
+from bvp.system import ImpactSystem
 from transitions.basin.identity import attractor_of
 from transitions.chart.plan import ChartPlan
 from transitions.chart.regions import MotionKind, Regions, kind_of_attractor
@@ -24,10 +26,6 @@ from transitions.response.path import ParameterPath
 from transitions.sweep.forced import Carried, carried_into
 from transitions.sweep.settle import settle
 from transitions.tasks import completed
-
-if TYPE_CHECKING:
-    from bvp.forcing import Force
-    from bvp.system import ImpactSystem
 
 __all__ = ["find_regions"]
 

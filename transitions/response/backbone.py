@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from branches.branch import Branch
+from branches.forced.branch import ForcedBranch
 from bvp.harmonics import sizes
+from bvp.system import ImpactSystem
 from transitions.sweep.figure import Curve
-
-if TYPE_CHECKING:
-    from branches.branch import Branch
-    from branches.forced.branch import ForcedBranch
-    from bvp.system import ImpactSystem
 
 __all__ = ["backbone"]
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from bvp.forcing import Constant
+from bvp.forcing import Constant, Force
 from bvp.motion import EventKind, Motion, MotionStatus, StopEvents
 from bvp.simulate import Simulator
+from bvp.system import ImpactSystem
 from transitions.sweep.forced import ImpactRecord
 from transitions.sweep.returns import RETURN, distance_scale, without_drift
 from transitions.sweep.settle import CLOSED, Settled, SettledKind
-
-if TYPE_CHECKING:
-    from bvp.forcing import Force
-    from bvp.system import ImpactSystem
 
 __all__ = ["FreeSettled", "settle_free"]
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,16 +14,14 @@ from branches.forced.branch import ForcedBranch
 from branches.forced.family import ForcedFamily
 from branches.harmonics import harmonic_columns
 from branches.released.branch import ReleasedBranch
+from branches.tables import Table
+from bvp.forced import ForcedProblem
 from bvp.forcing import split_damping
+from bvp.parameters import ParametricSystem
 from bvp.simulate import parts_of
 from transitions.response.kernels import make_measuring, orbit_measures
 from transitions.response.released import free_column, free_names, free_table
 from transitions.response.smooth import smooth_measures
-
-if TYPE_CHECKING:
-    from branches.tables import Table
-    from bvp.forced import ForcedProblem
-    from bvp.parameters import ParametricSystem
 
 __all__ = ["Measures", "column_names", "column_of", "event_columns", "measures_along", "response_table"]
 

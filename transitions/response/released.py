@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from branches.harmonics import harmonic_columns
+from branches.orbit import Orbit
+from branches.released.branch import ReleasedBranch
+from branches.tables import Table
 from bvp.parameters import ParametricSystem
-
-if TYPE_CHECKING:
-    from branches.orbit import Orbit
-    from branches.released.branch import ReleasedBranch
-    from branches.tables import Table
 
 __all__ = ["free_column", "free_names", "free_table", "limit_values"]
 

@@ -6,12 +6,14 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.onwards import MOST_BRANCHES, ResponseStart, follow_onwards, trace_start
 from branches.forced.tracing import SWITCHES, switch_response
+from branches.orbit import Orbit
 from branches.presentation import presentation_of, run_backwards
 from branches.released.branch import ReleasedBranch
 from branches.released.switching import switch_released
@@ -19,15 +21,11 @@ from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from bvp.resting import with_loads_in_potential
+from bvp.system import ImpactSystem
 from transitions.response.free import settle_free
 from transitions.response.path import ParameterPath
 from transitions.response.starting import Periodic, Unbounded, linear_response, settled_orbit
 from transitions.sweep.settle import MOST, Settled, settle
-
-if TYPE_CHECKING:
-    from branches.forced.branch import ForcedBranch, ForcedEvent
-    from branches.orbit import Orbit
-    from bvp.system import ImpactSystem
 
 __all__ = ["emanating_responses", "orbit_start", "rest_starts", "simulated_start", "trace_in_parameter", "trace_response"]
 

@@ -5,23 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from bvp.entries import base_frequency
-from bvp.forcing import Harmonic, Record
+from bvp.forcing import Force, Harmonic, Record
 from bvp.interrupts import Pace
 from bvp.kernels import contact_mode as entry
 from bvp.kernels import motion as motion_kernels
+from bvp.kernels.contact_mode import ContactModes
 from bvp.motion import STATUS, MotionStatus
 from bvp.simulate import BeyondStop, Simulator, checked_state
+from bvp.system import ImpactSystem
 from transitions.sweep import kernels
-
-if TYPE_CHECKING:
-    from bvp.forcing import Force
-    from bvp.kernels.contact_mode import ContactModes
-    from bvp.system import ImpactSystem
 
 __all__ = ["NO_PERIOD", "Carried", "ForcedMotion", "ImpactRecord", "PeriodRecord", "carried_into", "harmonics_of", "require_inside"]
 

@@ -6,14 +6,11 @@ returns if the rest of it does."""
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bvp.closures import free_motions
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = [
     "LOOSEST", "RETURN", "SLACK", "distance_scale", "drift_directions", "find_period", "largest_exponent", "mean_growth", "multipliers_of",

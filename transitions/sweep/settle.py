@@ -6,12 +6,14 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from bvp.checks import is_finite, is_whole
+from bvp.forcing import Force
 from bvp.motion import MotionStatus
+from bvp.system import ImpactSystem
 from bvp.texts import brief, shown
 from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord, PeriodRecord, carried_into, require_inside
 from transitions.sweep.returns import (
@@ -26,10 +28,6 @@ from transitions.sweep.returns import (
     shortest_period,
     without_drift,
 )
-
-if TYPE_CHECKING:
-    from bvp.forcing import Force
-    from bvp.system import ImpactSystem
 
 __all__ = ["Settled", "SettledKind", "settle"]
 

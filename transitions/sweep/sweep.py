@@ -9,19 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from bvp.checks import finite_numbers, is_whole
+from bvp.forcing import Force
 from bvp.motion import MotionStatus
+from bvp.system import ImpactSystem
 from bvp.texts import brief, shown
 from transitions.sweep.forced import Carried, ForcedMotion, carried_into, require_inside
 from transitions.sweep.returns import drift_directions, find_period, largest_exponent, mean_growth, multipliers_of, without_drift
-
-if TYPE_CHECKING:
-    from bvp.forcing import Force
-    from bvp.system import ImpactSystem
 
 __all__ = ["Sweep", "SweepSettings", "System", "join_sweeps", "sweep"]
 
