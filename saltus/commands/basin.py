@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.expressions import normalised
 from saltus import compiling, options, outputs, processes, responses
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, refusing, say
 from saltus.options import ValueType, finite
@@ -35,7 +36,7 @@ FEW, FEW_SMOOTH = 512, 16
 
 def _axis(text: str) -> tuple[str, tuple[float, float] | None]:
     """The name and the range of NAME[:LO:HI]."""
-    parts = text.split(":")
+    parts = normalised(text).split(":")
     if len(parts) == 1:
         return parts[0], None
     return parts[0], (float(parts[1]), float(parts[2])) if len(parts) == 3 else (math.nan, math.nan)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from bvp.expressions import normalised
 from saltus import options, outputs
 from saltus.errors import BadInput
 from saltus.options import ValueType
@@ -18,7 +19,9 @@ _values = ValueType(lambda text: [float(part) for part in text.split(",")], lamb
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("--in", dest="parameter", metavar="NAME", required=True, help="the parameter that the law of the spring has")
+    parser.add_argument(
+        "--in", dest="parameter", metavar="NAME", type=normalised, required=True, help="the parameter that the law of the spring has"
+    )
     parser.add_argument("--values", metavar="A,B,..", type=_values, required=True, help="values of the parameter")
     parser.add_argument("--range", metavar="LO:HI", type=options.value_range, default=(-1.2, 1.2), help="displacements (default: -1.2:1.2)")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")

@@ -62,6 +62,26 @@ quarter_period = 8
 impacts = 6
 """
 
+LAW = """
+title = "A spring with a power"
+source = "none"
+[parameters]
+"ú" = 3
+[system]
+mass = [[1]]
+stiffness = [[1]]
+[[springs]]
+c = [1]
+stiffness = 1
+power = "ú"
+[coordinates]
+names = ["x"]
+[bounds]
+energy = [0.1, 10]
+quarter_period = 8
+impacts = 6
+"""
+
 
 def written(tmp_path, text):
     """Return the path of a scene with a text."""
@@ -81,6 +101,9 @@ def test_letters_are_equal_however_they_are_typed(tmp_path, capsys, form):
     words = f"sweep --scene {place} --set µ=2 --in ú --range 0.2:0.3 --points 2 --transient 2 --record 2 --y max:å"
     code, out, err = run(capsys, *unicodedata.normalize(form, words).split())
     assert (code, err) == (0, "") and "0.3" in out
+    place.write_text(LAW, encoding="utf-8")
+    code, out, err = run(capsys, *unicodedata.normalize(form, f"spring --scene {place} --in ú --values 3,5").split())
+    assert (code, err) == (0, "") and "1.728" in out and "2.48832" in out  # 1.2^3 and 1.2^5
 
 
 def test_the_default_scene_is_the_reference_system(tmp_path, monkeypatch):
