@@ -16,7 +16,7 @@ from branches.forced.branch import ForcedEvent
 from branches.grazing.following import meetings_at
 from branches.released.branch import ReleasedBranch
 from branches.released.family import ReleasedFamily
-from branches.released.presentation import released_orbit
+from branches.released.presentation import from_slower_stop, released_orbit
 from branches.switching import TYPES, emanating_families
 from branches.tracing import follow_family
 from bvp.multipoint import MultipointProblem
@@ -55,7 +55,7 @@ def switch_released(branch: ReleasedBranch, event: ForcedEvent) -> list[tuple[Re
         if key in seen or key == (branch.problem.ends, branch.problem.sequence) and event.type != "BP":
             continue  # its other side
         values = branch.problem.parameters(branch.unknowns[event.point])
-        released, first = released_orbit(branch.problem, values, problem, y)
+        released, first = released_orbit(branch.problem, values, *from_slower_stop(problem, y))
         begin = ReleasedFamily(released).begin(first)
         if begin.converged and unphysical(begin.extra.problem, begin.extra) is None:
             seen.add(key)

@@ -343,6 +343,23 @@ def test_what_hangs_nowhere_is_refused(capsys, tmp_path):
     refused(run(capsys, "continue", *words, "--start", "1,1"), "at rest, with all velocities 0, or on a stop")
 
 
+def test_a_ball_between_a_floor_and_a_ceiling_reaches_the_ceiling(capsys, tmp_path):
+    """Oracle: it reaches y = 2 with no speed where 2 m g = h; between both T = 2 (v - sqrt(v^2 - 4 g))/g with v^2 = 2 h. It starts at
+    either place, and from the family below that does not touch the ceiling."""
+    stops = [([1.0], 0.0), ([-1.0], -2.0)]
+    system = scene_under_gravity(tmp_path / "s.toml", [[1.0]], [[0.0]], stops, ["-g"], {"g": 1.0})
+    start = ("--scene", system, "--in", "g", "--range", "0.1:3", "--keep", "energy=4.5", "--from")
+    below = (*start, "mode:1", "--set", "g=2.5", "--json", "g.json")
+    for words in ((*start, "simulate", "--start", "0,3"), (*start, "simulate", "--start", "2,-2.23606797749979"), below):
+        assert run(capsys, "continue", *words, "--csv", "a.csv")[0] == 0
+        if words is below:
+            assert run(capsys, "continue", "--from", "g.json:GR1", "--csv", "a.csv")[0] == 0
+        rows = rows_of("a.csv")
+        g, alpha = (np.array([float(row[key]) for row in rows]) for key in ("g", "alpha"))
+        assert g.max() == pytest.approx(2.25, rel=1e-10) and next(row["event"] for row in rows if float(row["g"]) == g.max()) == "GR1"
+        np.testing.assert_allclose(alpha[:-1], 0.5 * (3.0 - np.sqrt(9.0 - 4.0 * g[:-1])) / g[:-1], rtol=1e-6)
+
+
 def test_the_grazing_of_one_degree_of_freedom(capsys, tmp_path):
     """Oracle: the impact at x = b vanishes where the potential there is h: (g - 1) b + b^2/2 = 0.5 at b = -1/2 from rest at y = -1, so
     g = 1/4; k b^2/2 + a b^4/4 = h. Beyond it the family has no impact, T = 2 pi/sqrt(k/m). A coefficient can be 0 at the start."""

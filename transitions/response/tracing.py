@@ -14,10 +14,10 @@ from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.onwards import MOST_BRANCHES, ResponseStart, follow_onwards, trace_start
 from branches.forced.tracing import SWITCHES, switch_response
 from branches.orbit import Orbit
-from branches.presentation import presentation_of, run_backwards
 from branches.released.branch import ReleasedBranch
+from branches.released.presentation import from_slower_stop
 from branches.released.switching import switch_released
-from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.multipoint import NotConverged
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from bvp.resting import with_loads_in_potential
@@ -193,24 +193,12 @@ def orbit_start(
     NotConverged
         If no orbit near it fulfils them.
     """
-    plain, y = _from_a_stop(orbit)
+    plain, y = from_slower_stop(orbit.problem, orbit.solution.y)
     problem = ReleasedProblem(system, plain.ends, plain.sequence, names, keep, energy=orbit.h)
     try:
         return ResponseStart(problem, problem.solve(problem.of_orbit(plain, y)).y, direction)
     except NotConverged as error:
         raise NotConverged(f"no orbit near {orbit.label or '-'.join(orbit.ends)} fulfils {' and '.join(keep)}: {error}") from None
-
-
-def _from_a_stop(orbit: Orbit) -> tuple[MultipointProblem, np.ndarray]:
-    """The problem and the unknowns of an orbit. In one degree of freedom it starts at a stop, if an end is one: where the impact there
-    vanishes, only its speed changes to first order, so a start at the other end does not show how far the family is followed."""
-    problem, y = orbit.problem, orbit.solution.y
-    stops = [end.startswith("stop") for end in problem.ends]
-    if orbit.system.degrees_of_freedom > 1 or stops != [False, True]:
-        return problem, y
-    turned = run_backwards(orbit.system, presentation_of(problem, y))
-    other = MultipointProblem(orbit.system, turned.ends, turned.sequence, problem.pieces)
-    return other, turned.unknowns(other)
 
 
 def trace_in_parameter(
