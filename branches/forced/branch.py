@@ -16,7 +16,7 @@ from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.texts import brief
 
-__all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "of_period", "sequence_text"]
+__all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "wrapped", "sequence_text"]
 
 _ROUNDING = 16.0 * np.finfo(float).eps
 """Relative change of the unknowns whose effect on a multiplier, times `_SAFETY`, counts as its error."""
@@ -91,10 +91,10 @@ def largest_multiplier(problem: ForcedProblem, multipliers: np.ndarray) -> float
     return float(np.abs(multipliers).max())
 
 
-def of_period(fractions: np.ndarray) -> np.ndarray:
-    """Fractions of the period modulo 1. Those that are whole to rounding are 0, not nearly 1."""
-    wrapped = fractions % 1.0
-    return np.where(wrapped > 1.0 - _INSTANT, 0.0, wrapped)
+def wrapped(fractions: np.ndarray) -> np.ndarray:
+    """Return fractions of the period modulo 1. Those that are whole to rounding are 0, not nearly 1."""
+    rest = fractions % 1.0
+    return np.where(rest > 1.0 - _INSTANT, 0.0, rest)
 
 
 @brief
@@ -193,7 +193,7 @@ class ForcedBranch:
         nodes, added = np.arange(count), np.zeros(count)
         if problem.half:
             nodes, added = np.tile(nodes, 2), np.repeat([0.0, 0.5], count)
-        fractions = of_period(self._fractions[self.start, nodes] + added)
+        fractions = wrapped(self._fractions[self.start, nodes] + added)
         fractions[~np.isin(nodes, problem.impacts)] = math.inf
         # Of impacts at one instant the first one of the solved sequence is the first: rounding does not order them.
         tied = fractions <= np.min(fractions, initial=math.inf) + _INSTANT
@@ -226,7 +226,7 @@ class ForcedBranch:
             begun[:, 0] -= problem.segment.closing[1]
             summed = np.roll(problem.contact_modes.arrays.chatter.summed[: fractions.shape[1]], 1)
             fractions = np.where(summed == 1, begun, fractions)
-        return 2.0 * math.pi * problem.load_periods * of_period(fractions[:, nodes] + added)
+        return 2.0 * math.pi * problem.load_periods * wrapped(fractions[:, nodes] + added)
 
     @cached_property
     def speeds(self) -> np.ndarray:

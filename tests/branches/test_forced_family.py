@@ -9,7 +9,7 @@ import pytest
 
 from branches.admissible import describe_grazing
 from branches.family import SETTINGS
-from branches.forced.branch import of_period
+from branches.forced.branch import wrapped
 from branches.forced.closing import with_exact_ends
 from branches.forced.family import ForcedFamily
 from bvp.forced import ForcedProblem
@@ -174,7 +174,7 @@ def test_multipliers_keep_their_digits_beside_a_grazing(speed):
 
 def test_an_impact_at_phase_0_is_not_the_last_one_of_the_period():
     """Oracle: fractions of the period that differ from whole ones by rounding are whole."""
-    assert of_period(np.array([-1e-17, 0.0, 1.0 - 1e-16, 2.0, 1.3, -0.2])) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.3, 0.8], abs=1e-15)
+    assert wrapped(np.array([-1e-17, 0.0, 1.0 - 1e-16, 2.0, 1.3, -0.2])) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.3, 0.8], abs=1e-15)
 
 
 def with_restitution(kind):
