@@ -16,7 +16,7 @@ from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.texts import brief
 
-__all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "wrapped", "sequence_text"]
+__all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "sequence_text", "wrapped"]
 
 _ROUNDING = 16.0 * np.finfo(float).eps
 """Relative change of the unknowns whose effect on a multiplier, times `_SAFETY`, counts as its error."""
