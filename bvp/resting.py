@@ -23,8 +23,8 @@ from bvp.system import ImpactSystem
 
 __all__ = ["Rest", "about_rest", "has_constant_force", "rest_position", "resting_system", "with_loads_in_potential"]
 
-ROUNDS = 50
-"""Most steps of Newton's method for a position at rest."""
+ROUNDS, LINEAR_ROUNDS = 50, 5
+"""Most steps of Newton's method for a position at rest, and those of a linear system: one, and refinements."""
 
 CHOICES = 20_000
 """Most sets of pressed stops that are tried."""
@@ -95,7 +95,8 @@ def rest_position(system: ImpactSystem, load: np.ndarray) -> Rest:
     contacts = [contact for contact in sides if math.isfinite(contact[2])]
     rows = np.array([side * np.array(system.stops[k].gap) for k, side, _ in contacts]).reshape(-1, n)
     bounds = np.array([side * bound for _, side, bound in contacts])
-    sizes = range(min(n, len(contacts)) + 1)
+    free = n - int(np.linalg.matrix_rank(system.stiffness))  # about so many stops are pressed
+    sizes = sorted(range(min(n, len(contacts)) + 1), key=lambda size: abs(size - free))
     sets = (one for size in sizes for one in combinations(range(len(contacts)), size) if len({contacts[i][0] for i in one}) == size)
     for chosen in map(list, islice(sets, CHOICES)):
         place, pressing = _balanced(system, load, rows[chosen], bounds[chosen])
@@ -104,6 +105,8 @@ def rest_position(system: ImpactSystem, load: np.ndarray) -> Rest:
             energy = system.energy(place, np.zeros(n)) - float(load @ place)
             pressed = tuple((contacts[i][0], contacts[i][2]) for i in chosen)
             return Rest(place + 0.0, energy, 0.0 - pressing @ rows[chosen], pressed)
+    if next(sets, None) is not None:
+        raise InvalidSystem(f"no position at rest was found with {CHOICES} sets of pressed stops; expected fewer stops")
     names = [name for name, entry in zip(system.coordinates, load, strict=True) if entry]
     raise InvalidSystem(
         f"the system rests nowhere: no spring and no stop holds {' and '.join(names) or 'it'} against the constant load; "
@@ -116,7 +119,7 @@ def _balanced(system: ImpactSystem, load: np.ndarray, rows: np.ndarray, bounds: 
     n, count, forces = system.degrees_of_freedom, len(bounds), system.smooth_forces
     u, pressing, slope, bend = np.zeros(n), np.zeros(count), np.zeros(n), np.zeros((n, n))
     own = 1.0 / np.sqrt(np.diag(system.mass))
-    for _ in range(ROUNDS):
+    for _ in range(LINEAR_ROUNDS if forces is None else ROUNDS):
         if forces is not None:
             slope, bend = forces.energy_slopes(u)
         left, beyond, matrix = system.stiffness @ u + slope - load + rows.T @ pressing, rows @ u - bounds, system.stiffness + bend

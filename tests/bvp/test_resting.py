@@ -42,3 +42,12 @@ def test_of_many_stops_those_that_are_pressed_are_found():
     pressed = [stop for stop, _ in rest.pressed]
     assert pressed == [0, 1, 2, 3, 4] and rest.force[pressed].min() > 0.0
     assert system.stiffness @ rest.place + 9.81 == pytest.approx(rest.force, abs=1e-10)
+
+
+def test_a_stack_of_balls_rests_on_its_floor():
+    """Oracle: each contact carries the weight of the balls above it, and all are closed."""
+    n, weights = 15, 9.81 * np.arange(1.0, 16.0)
+    stops = [Stop(tuple(np.eye(n)[i] - (np.eye(n)[i - 1] if i else 0.0)), lower=0.1) for i in range(n)]
+    rest = rest_position(ImpactSystem(np.diag(weights), np.zeros((n, n)), np.zeros((n, n)), stops), -weights)
+    assert len(rest.pressed) == n and rest.place == pytest.approx(0.1 * np.arange(1.0, n + 1.0), rel=1e-13)
+    assert rest.force == pytest.approx(weights, rel=1e-12)
