@@ -9,21 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from bvp.checks import require_system
-from bvp.forcing import damping_across
-from bvp.system import Stop
+from bvp.forcing import Force, damping_across
+from bvp.motion import Motion
+from bvp.smooth_forces import SmoothForces
+from bvp.springs import Element
+from bvp.system import ImpactSystem, Stop
 from bvp.texts import brief
-
-if TYPE_CHECKING:
-    from bvp.forcing import Force
-    from bvp.motion import Motion
-    from bvp.smooth_forces import SmoothForces
-    from bvp.springs import Element
-    from bvp.system import ImpactSystem
 
 __all__ = ["Sharing", "lock", "sharing_of"]
 

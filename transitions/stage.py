@@ -6,14 +6,12 @@ import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from branches.orbit import Orbit
 from bvp.texts import shown
-
-if TYPE_CHECKING:
-    from branches.orbit import Orbit
 
 __all__ = [
     "Change", "Companion", "Follows", "Leaving", "Stage", "StartFamily", "changes", "counted_label", "leaving", "stage_from_data",

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,9 +24,7 @@ from bvp.kernels.impact import work_array
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.shooting import EndSet, Flow, ScanLimits, Scanned, scan_starts
 from bvp.kernels.two_mode_hit import step_table
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = [
     "MOST_IMPACTS", "Path", "QUADRATIC", "FROM_LINEAR_MODES", "Sampler", "ScannedSegment", "StartCurve", "curve_over_energy", "curves",

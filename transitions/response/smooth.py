@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bvp.forced import ForcedProblem
 from bvp.kernels.sources import ORDER
 from bvp.simulate import smooth_dampers
 from bvp.smooth_flights import loaded_steps
-
-if TYPE_CHECKING:
-    from bvp.forced import ForcedProblem
 
 __all__ = ["smooth_measures"]
 

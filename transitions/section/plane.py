@@ -14,16 +14,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from bvp.checks import is_finite, reals, require_system
+from bvp.kernels.contact_mode import ContactModes
+from bvp.system import ImpactSystem
 from bvp.texts import shown
-
-if TYPE_CHECKING:
-    from bvp.kernels.contact_mode import ContactModes
-    from bvp.system import ImpactSystem
 
 __all__ = ["SectionPlane", "checked_points"]
 

@@ -11,22 +11,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from bvp.checks import is_finite, is_whole
 from bvp.interrupts import Pace
 from bvp.kernels import motion as motion_kernels
-from bvp.kernels.contact_mode import PASSES
+from bvp.kernels.contact_mode import PASSES, ContactModes
 from bvp.simulate import Simulator
+from bvp.system import ImpactSystem
 from bvp.texts import brief, listed, shown
 from transitions import kernels
 from transitions.section.plane import SectionPlane, checked_points
-
-if TYPE_CHECKING:
-    from bvp.kernels.contact_mode import ContactModes
-    from bvp.system import ImpactSystem
 
 __all__ = ["Section", "SectionEnd", "follow_crossings", "section"]
 
