@@ -372,7 +372,7 @@ def synthetic_record(
     noise = np.random.RandomState(seed).standard_normal(count + 1)
     envelope = np.where(times < rise, (times / rise) ** 2, np.exp(-np.maximum(times - decay_from, 0.0) / decay))
     shaped = filtered(noise * envelope, step, ground or Ground())
-    return times, shaped * (peak / np.abs(shaped).max())
+    return times, peak * (shaped / np.abs(shaped).max())
 
 
 def record_text(times: np.ndarray, accelerations: np.ndarray, remark: str = "") -> str:

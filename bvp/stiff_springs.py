@@ -65,7 +65,7 @@ def effective_clearance(power: float, stiffness: float, mass: float, speed: floa
     --------
     A harmonic spring turns the motion after a quarter of its period, (pi/2) sqrt(m/k): V times that is d.
 
-    >>> abs(effective_clearance(1.0, 4.0, 1.0, 3.0) - 3.0 * math.pi / 4.0) < 1e-15
+    >>> abs(effective_clearance(1.0, 4.0, 1.0, 3.0) - 3.0 * math.pi / 4.0) < 1e-14
     True
     """
     n = power + 1.0

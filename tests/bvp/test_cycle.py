@@ -118,7 +118,7 @@ def test_samples_agree_with_the_run_and_are_right_continuous():
     assert abs(instant - 1.0) < 1e-15
     modes = system.modes
     _, at = cycle.sample(np.array([instant]))
-    assert np.array_equal(at[0], (cycle.after[0] @ modes.to_state.T)[2:])
+    assert np.array_equal(at, (cycle.after[:1] @ modes.to_state.T)[:, 2:])  # a product of one row more can round in another way
     u, v = backbone.motion(system, 1.0, np.linspace(-0.99, 0.99, 21))
     sampled = cycle.sample(np.linspace(-0.99, 0.99, 21))
     assert np.max(np.abs(np.hstack([u, v]) - np.hstack(sampled))) < 1e-14

@@ -12,6 +12,7 @@ import pytest
 
 from benchmarks.saltation import saltation_multipliers
 from branches.tracing import follow_family
+from bvp.checks import EPSILON
 from bvp.closures import EndsError, free_motions, free_translation, held_motions
 from bvp.many_digits import orbit_in_digits
 from bvp.multipliers import saddle_point_multipliers
@@ -95,10 +96,13 @@ def test_motions_that_are_held(springs):
     """Oracle: an orthonormal frame with the free translation; a stop feels nothing but what is held."""
     system = chain(MASSES, springs, stops=(Stop((1.0, -1.0, 0.0), -1.0, 1.0),))
     free, held = free_motions(system), held_motions(system)
-    np.testing.assert_allclose(np.vstack([free, held]) @ np.vstack([free, held]).T, np.eye(3), rtol=0, atol=1e-15)
+    rounding = 3 * 4 * EPSILON  # of a reflection and of the product: a few for each of three entries
+    frame = np.vstack([free, held])
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), rtol=0, atol=rounding)
     direction = system.modes.shapes @ free[0]
     np.testing.assert_allclose(direction / direction[0], np.ones(3), rtol=1e-12)
-    np.testing.assert_allclose(np.abs(system.modes.contacts.gap[:, :3] @ free.T), 0.0, rtol=0, atol=1e-15)
+    gap = system.modes.contacts.gap[:, :3]
+    np.testing.assert_allclose(gap @ free.T, 0.0, rtol=0, atol=rounding * np.abs(gap).max())
 
 
 @pytest.mark.parametrize("springs", TRAINS.values(), ids=TRAINS)
@@ -111,6 +115,8 @@ def test_a_gear_train_with_backlash_is_stable_or_not(springs):
     assert branch.points["multipliers"].shape == (len(branch), 2)
     assert all(stable[i] >= 0 for i in range(len(branch)) if i not in events)
     for i in range(5, len(branch), len(branch) // 8):
+        if i in events:
+            continue
         exact = Closed(system, branch.points["alpha"][i]).multipliers()
         rest = sorted(exact, key=lambda value: abs(value - 1.0))[2:]  # without the pair of the translation
         found = branch.points["multipliers"][i]

@@ -97,7 +97,7 @@ def test_a_periodic_closure():
     breaking = next(event for event in source.events if event.type == "SB" and event.breaks == "reversal")
     branch = source.switch(breaking, energy=(0.05, 100.0))[0]
     assert branch.problem.periodic
-    for i in range(3, len(branch), len(branch) // 6):
+    for i in sorted({*range(3, len(branch), len(branch) // 6)} - {event.point for event in branch.events}):
         orbit = branch.orbit(i)
         exact, other = orbit_in_digits(branch.problem, orbit.solution.y), ManyDigits(orbit)
         assert abs(float(abs(exact.trace) - 2 - other.margin)) < 1e-9 * (1.0 + abs(float(exact.trace)))

@@ -55,7 +55,7 @@ def test_entries_and_derivatives_are_those_of_the_formulas():
     assert parametric.layout.harmonics == (1, 3) and parametric.layout.size == 29
     for changes in ({}, {"w": 0.37, "m": 2.0, "r": 0.0}):
         at = {**parametric.values, **changes}
-        np.testing.assert_allclose(parametric.entries(changes), by_hand(**at), rtol=4e-16, atol=2e-17)
+        np.testing.assert_allclose(parametric.entries(changes), by_hand(**at), rtol=1e-15, atol=1e-16)  # a cosine of numpy can differ
         slopes = parametric.derivatives(changes, names)
         for j, name in enumerate(names):
             step = by_hand(**{**at, name: complex(at[name], 1e-150)}).imag / 1e-150
@@ -116,7 +116,7 @@ def test_a_program_has_the_entries_that_depend_on_the_released_parameters():
     assert released.rows.tolist() == [8, 9, 10, 11, 21, 22, 23, 25] and released.columns.tolist() == [6, 1]
     out = np.full(24, math.nan)
     assert run(released.program, at, np.zeros(released.scratch), out)
-    np.testing.assert_array_equal(out[:8], parametric.entries()[released.rows])
+    np.testing.assert_allclose(out[:8], parametric.entries()[released.rows], rtol=1e-15)  # without compiled code a sine can differ
     np.testing.assert_allclose(out[8:].reshape(8, 2)[:4], np.outer([1, -1, -1, 1], [0.0, 2 * 0.2 * 1.5]), rtol=1e-15)
 
 

@@ -301,7 +301,7 @@ def test_samples_of_summed_bounces_stay_at_the_stop():
     u, _ = motion.sample(times)
     np.testing.assert_allclose(u, 0.5, atol=1e-13)
     spent = motion.spent(times)
-    assert np.all(np.diff(spent.sum(axis=1)) >= -1e-16)
+    assert np.all(np.diff(spent.sum(axis=1)) >= -4.0 * np.finfo(float).eps * motion.initial_energy)
     assert spent[-1].sum() == pytest.approx(motion.sums[begin + 1].sum(), rel=1e-15)
     assert motion.contact_intervals[0].end == motion.times[begin + 1]
 

@@ -11,6 +11,7 @@ import pytest
 
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import MotionStatus
+from bvp.multipliers import sort_multipliers
 from bvp.parameters import ParametricSystem
 from bvp.simulate import BeyondStop, simulate
 from bvp.system import ImpactSystem, Stop
@@ -31,7 +32,7 @@ def test_a_periodic_motion_with_its_impacts_and_multipliers():
     assert found.stops == ("+",) and abs(found.impacts.speeds[0] - speed) < 1e-11 and abs(found.impacts.times[0] * 2.8 - phase) < 1e-11
     assert np.allclose(found.impacts.before[0], [-0.1, speed], atol=1e-11)
     assert np.allclose(found.impacts.after[0], [-0.1, -0.8 * speed], atol=1e-11)
-    assert np.allclose(np.sort_complex(found.multipliers), np.sort_complex(multipliers), atol=1e-9)
+    assert np.allclose(found.multipliers, sort_multipliers(multipliers), atol=1e-9)
     assert abs(found.exponent - math.log(0.8) * 2.8 / (2.0 * math.pi)) < 1e-10
     assert "period 1 with 1 impacts" in found.text
 
@@ -67,6 +68,18 @@ def test_the_phase_of_the_start_counts():
     first = settle(system, forces, [-0.66], [0.0], most=200)
     assert later.period == first.period == 2
     assert min(np.abs(later.states[0] - state).max() for state in first.states) < 1e-8
+
+
+def test_multipliers_of_equal_modulus_are_in_the_order_of_their_angles():
+    """Oracle: exp(-c T/2 +- i w T) for each mode, as all are damped alike. Rounding makes one modulus the largest."""
+    for squares in ([1.0, 4.0, 2.0], [1.3, 4.1, 2.2], [1.0, 2.0, 7.7]):
+        stiffness = np.diag(squares) + 0.2
+        system = ImpactSystem(np.eye(3), 0.1 * np.eye(3), stiffness, [Stop((1.0, 0.0, 0.0), upper=50.0)])
+        found = settle(system, [Harmonic(0.7, [1.0, 0.5, 0.2])])
+        turns = np.sqrt(np.linalg.eigvalsh(stiffness) - 0.0025) * found.period_of_loads
+        angles = sorted(math.remainder(sign * turn, 2.0 * math.pi) for turn in turns for sign in (1.0, -1.0))
+        expected = np.exp(-0.05 * found.period_of_loads + 1j * np.array(angles))
+        assert found.period == 1 and np.allclose(found.multipliers, expected, atol=1e-9)
 
 
 def test_slow_convergence_is_reported_with_its_rate():

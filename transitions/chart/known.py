@@ -102,7 +102,7 @@ def _nearest(row: _Row, at: np.ndarray) -> Iterator[int]:
     lengths = np.linalg.norm(chords, axis=1)
     parts = np.clip(np.sum((at - begin) * chords, axis=1) / np.maximum(lengths**2, 1e-300), 0.0, 1.0)
     away = np.linalg.norm(begin + parts[:, None] * chords - at, axis=1)
-    for k in np.argsort(away)[:_TRIED].tolist():
+    for k in np.argsort(away, kind="stable")[:_TRIED].tolist():
         if away[k] <= _NEAR * lengths[max(0, k - 1) : k + 2].max() + _SAME:
             yield k + int(parts[k] > 0.5)
 

@@ -153,9 +153,9 @@ def trace_response(
     >>> oscillator = ParametricSystem.from_description({
     ...     "parameters": {"F": 0.5, "w": 1.0}, "system": {"mass": [[1.0]], "damping": [[0.1]], "stiffness": [[1.0]], "stops": [stop]},
     ...     "forces": [{"load": [1.0], "amplitude": "F", "harmonic": 1}]})
-    >>> branch, = trace_response(oscillator, "F", (0.0, 0.5), values={"F": 0.05}, start="rest")
+    >>> branch, = trace_response(oscillator, "F", (0.01, 0.5), values={"F": 0.05}, start="rest")
     >>> [(event.type, round(event.values["F"], 12)) for event in branch.events]
-    [('EP', 0.0), ('GR', 0.1)]
+    [('EP', 0.01), ('GR', 0.1)]
     """
     if start not in ("simulate", "rest"):
         raise ValueError(f"start is 'simulate' or 'rest'; received {start!r}")

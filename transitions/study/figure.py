@@ -162,7 +162,7 @@ def best_figure(study: Study, best: str = "nes_share", value: str | None = None)
             others = [study.numbers(other.name) for other in study.plan.axes if other.name != axis.name]
             # The runs that share all other parameters with the best one. With one axis alone these are all runs.
             some = np.flatnonzero(np.all([column == column[at] for column in others], axis=0) & np.ones(len(study), dtype=bool))
-            order = some[np.argsort(given[some])]
+            order = some[np.argsort(given[some], kind="stable")]
             look: dict[str, Any] = {"marker": "o", "markersize": 3, "color": style.BLUE, "linestyle": "none" if axis.is_family else "-"}
             panel.plot(given[order], values[order], label="the other parameters as at the best", **look)
             shown = values[order]

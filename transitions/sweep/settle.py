@@ -13,6 +13,7 @@ import numpy as np
 from bvp.checks import is_finite, is_whole
 from bvp.forcing import Force
 from bvp.motion import MotionStatus
+from bvp.multipliers import sort_multipliers
 from bvp.system import ImpactSystem
 from bvp.texts import brief, shown
 from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord, PeriodRecord, carried_into, require_inside
@@ -91,7 +92,7 @@ class Settled:
     period_of_loads : float
         2 pi/w.
     multipliers : (2n - f,) complex ndarray
-        Of p stroboscopic maps, by descending modulus, without those of f directions of drift; empty if the motion is not periodic.
+        Of p stroboscopic maps, as `sort_multipliers` orders them, without those of f directions of drift; empty if not periodic.
     drift : (n,) ndarray
         Growth of the displacements in p periods; not 0 where no spring and no stop acts along it.
     growth : float
@@ -312,8 +313,7 @@ def _settled(kind: SettledKind, p: int, motion: ForcedMotion, record: PeriodReco
         monodromy = motion.monodromy(p)
         if not np.isfinite(monodromy).all():
             raise RuntimeError("the derivatives of the settled motion are no numbers: a force has none, as |w|^p can at w = 0")
-        values = multipliers_of(motion.system, monodromy)
-        multipliers = values[np.lexsort((np.angle(values), -np.abs(values)))]
+        multipliers = sort_multipliers(multipliers_of(motion.system, monodromy))
         growth, error = largest_exponent(multipliers, float(p)), 0.0
     kept = motion.named(int(np.bitwise_and.reduce(orbit.kept))) if len(orbit.kept) else ()
     n = motion.system.degrees_of_freedom
