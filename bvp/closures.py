@@ -148,8 +148,8 @@ def held_motions(system: ImpactSystem, hit: frozenset[int] | None = None) -> np.
 
 
 def free_translation(system: ImpactSystem, hit: frozenset[int] | None = None) -> np.ndarray | None:
-    """A direction (n,) of displacement that no spring resists, and none of the stops `hit`, by default all, its largest entry 1; None where
-    there is none.
+    """A direction (n,) of displacement that no spring resists, and none of the stops `hit`, by default all, the first of its largest
+    entries 1; None where there is none.
 
     Examples
     --------
@@ -162,7 +162,7 @@ def free_translation(system: ImpactSystem, hit: frozenset[int] | None = None) ->
     if not len(free):
         return None
     found = system.modes.shapes @ free[-1]
-    found = found / found[np.argmax(np.abs(found))]
+    found = found / found[np.argmax(np.abs(found) > (1.0 - _NONE) * np.abs(found).max())]
     return np.where(np.abs(found) < _NONE, 0.0, found)
 
 

@@ -311,8 +311,8 @@ def scaled_nodes(cycle: Cycle) -> Nodes:
 
 
 def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
-    """The impact nearest to grazing among those that are no cuts, and |g . f| / (|g| |f|) there, f the physical velocity; (-1, 1) without
-    impacts."""
+    """The impact nearest to grazing, the first of several, among those that are no cuts, and |g . f| / (|g| |f|) there, f the physical
+    velocity; (-1, 1) without impacts."""
     system, modes = cycle.system, cycle.system.modes
     hit = np.flatnonzero(cycle.contact >= 0)
     if not hit.size:
@@ -324,8 +324,8 @@ def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
     speed = np.abs(np.sum(rows * velocity, axis=1))
     size = np.linalg.norm(rows, axis=1) * np.max(np.linalg.norm(velocity, axis=1))
     sine = np.divide(speed, size, out=np.zeros_like(speed), where=size > 0.0)
-    worst = int(np.argmin(sine))
-    return worst, float(sine[worst])
+    least = float(sine.min())
+    return int(np.argmax(sine <= max(GRAZING_LIMIT, (1.0 + 1e-9) * least))), least
 
 
 def sort_multipliers(values: np.ndarray) -> np.ndarray:

@@ -275,7 +275,7 @@ def _impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[floa
     """Times and stops of an orbit's impacts over one period, in order of time, from a state at one of its ends.
 
     The state is the orbit's at time 0 or half a period later, or the mirror image of one of these if the system has odd symmetry. Of a
-    mirror image the impacts are those of the mirrored orbit.
+    mirror image the impacts are those of the mirrored orbit. An impact at the state, to rounding, is the last one.
     """
     from branches.sequences import mirror
 
@@ -287,7 +287,7 @@ def _impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[floa
     near = distances <= _SAME_STATE * np.linalg.norm(wanted)
     sign, begin = candidates[int(np.argmax(near) if near.any() else np.argmin(distances))]
     stops = tuple(impact.stop for impact in orbit.impacts)
-    times = np.mod([impact.time - begin for impact in orbit.impacts], orbit.period)
+    times = np.mod([impact.time - begin - _SAME_STATE * orbit.period for impact in orbit.impacts], orbit.period)
     return sorted(zip(times.tolist(), stops if sign > 0.0 else mirror(stops), strict=True))
 
 

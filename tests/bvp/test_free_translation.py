@@ -41,6 +41,13 @@ def test_a_free_translation_is_resisted_by_nothing():
         assert np.max(np.abs(stiffness @ direction)) < 1e-12 * np.max(np.abs(stiffness)) and abs(row @ direction) < 1e-9
 
 
+def test_of_equal_entries_of_a_free_translation_the_first_is_1():
+    """Oracle: a spring that resists u1 + u2 lets (1, -1) pass. Rounding makes either entry the largest."""
+    for mass in np.random.default_rng(3).uniform(0.1, 3.0, 40):
+        system = ImpactSystem(np.diag([mass, 1.0]), np.zeros((2, 2)), 0.7 * np.ones((2, 2)), (Stop((1.0, 1.0), -1.0, 1.0),))
+        np.testing.assert_allclose(free_translation(system), [1.0, -1.0], rtol=1e-12)
+
+
 def test_what_is_held_has_none():
     """Oracle: a spring to the ground, a stop to the ground; the free flight of a mass in a cavity is felt by its stop."""
     assert free_translation(chain(MASSES, SPRINGS, ground=0.1)) is None

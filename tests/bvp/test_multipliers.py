@@ -368,6 +368,15 @@ def test_grazing_is_said_and_gives_no_numbers():
         floquet_multipliers(smooth)
 
 
+def test_of_impacts_equally_near_to_grazing_the_first_counts():
+    """Oracle: both impacts of a symmetric orbit have one angle; a rounding of either one changes nothing."""
+    problem, y = backbone_segment(vibro_impact_nes(), 0.9)
+    cycle = cycle_of(problem, y)
+    for change in np.eye(2):
+        before = cycle.before * (1.0 - 4.0 * EPS * change)[:, None]
+        assert nearest_grazing(Cycle(cycle.system, before, cycle.after, cycle.duration, cycle.contact, cycle.lead))[0] == 0
+
+
 def test_order_of_multipliers():
     """Oracle: the order by hand. The largest modulus overflows."""
     values = np.array([np.nan, 0.0, 0.5, 1j, 2.0, -1j, -1.0, 1.5e308 * (1 + 1j)])

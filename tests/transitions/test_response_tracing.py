@@ -7,6 +7,8 @@ import pytest
 
 import saltus
 from benchmarks import backbone
+from transitions.response.path import ParameterPath
+from transitions.response.tracing import simulated_start
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +52,14 @@ def test_marks_and_a_response_from_rest(absorber):
     expected = np.linalg.solve(stiffness, forces[0].cosine)
     state = branch.problem.nodes(branch.unknowns[event.point])[0]
     np.testing.assert_allclose(state[:4], [*expected.real, *(0.5j * expected).real], atol=1e-13)
+
+
+@pytest.mark.parametrize("phase", [-1e-17, 2.0 * np.pi])
+def test_a_whole_turn_of_the_phase_is_none(absorber, phase):
+    """Oracle: the start at the phase 0. In floats -1e-17 and 2 pi are equal modulo 2 pi."""
+    path = ParameterPath(absorber, ["w"])
+    turned, plain = (simulated_start(path, phase=one)[0] for one in (phase, 0.0))
+    assert np.array_equal(turned.states, plain.states)
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from transitions.following import Around, Match, family_intervals, partner, stea
 from transitions.frequencies import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
 from transitions.kernels import Maxima, link
 from transitions.spectrum import Wavelet, morlet_spectrum
-from transitions.stage import Follows, Stage, StartFamily, changes, stages_as_data
+from transitions.stage import Follows, Stage, StartFamily, _impacts_from, changes, leaving, stages_as_data
 from transitions.stages import stages_of, why_another
 
 GAP = (1.0, -1.0)
@@ -516,6 +517,17 @@ def test_why_a_stage_does_not_follow_the_family_of_the_start():
     assert why(unlike=0.1, others=()) == "this one fits better than S13O00+"
     assert why(others=(branch.id,)) == "S13O00+ fits as well, this one is simpler"
     assert why_another(replace(start, family="a:b:c"), families, None, plain, times, times, 0.3) == ""
+
+
+@pytest.mark.parametrize("late", [0.0, 1e-15, -1e-15])
+def test_an_impact_at_the_start_of_a_motion_is_the_last_of_its_orbit(late):
+    """Oracle: by hand: a motion that begins with the second impact of an orbit, half a period after its start."""
+    impacts = [SimpleNamespace(time=time, stop=stop) for time, stop in ((1.0, "a"), (2.0 + late, "b"), (3.5, "c"))]
+    states = np.array([[0.0], [1.0]])
+    system = SimpleNamespace(has_odd_symmetry=False)
+    orbit = SimpleNamespace(system=system, period=4.0, impacts=impacts, sample=lambda times: (states, states))
+    found = _impacts_from(orbit, states[1], states[1])
+    assert [stop for _, stop in found] == ["c", "a", "b"] and leaving(found, [(1.5, "c"), (3.0, "a"), (4.0, "b"), (5.5, "c")]) is None
 
 
 def test_maxima_are_linked_to_their_nearest():

@@ -123,6 +123,14 @@ def test_runs_at_the_place_of_the_best_one_are_about_it_and_itself_is_not(tmp_pa
     assert found.run == best and len(same) == 3 and found.neighbours.tolist() == same
 
 
+def test_of_runs_that_are_best_to_rounding_the_first_counts(tmp_path):
+    """Oracle: by hand."""
+    plan = plan_of([Axis("rho", low=0.5, high=0.9, points=4)])
+    for k, shares in enumerate(([0.3, 1.0, 1.0 + 3e-16, 1.0 - 2e-16], [np.nan, 1.0 - 2e-16, 1.0, 1.0 + 3e-16])):
+        (tmp_path / str(k)).mkdir()
+        assert study_of(tmp_path / str(k), plan, nes_share=np.array(shares)).best().run == 1
+
+
 def test_cells_of_a_map_have_full_size_at_its_borders(tmp_path):
     """Oracle: by hand: half-way between the values of a grid, on the axis's scale, and as far beyond the first and the last."""
     axes = [Axis("energy", low=0.1, high=10.0, scale="log", points=3), Axis("rho", low=0.0, high=1.0, points=3), Axis("mu", values=(0.2,))]

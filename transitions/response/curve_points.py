@@ -99,7 +99,7 @@ def _opened(path: ParameterPath, problem: ForcedProblem, y: np.ndarray) -> Itera
     """The orbits on which a simulation settles next to one at which a stop sticks for the whole period."""
     values, n = problem.parameters(y), problem.degrees_of_freedom
     here, node = replace(path, values=values), problem.nodes(y)[0]
-    phase = 2.0 * math.pi * (float(node[2 * n]) % 1.0)
+    phase = 2.0 * math.pi * (float(node[2 * n]) % 1.0 % 1.0)  # 1.0 is 0
     for sign in (1.0, -1.0):
         for part in _AWAY:
             try:

@@ -80,7 +80,7 @@ def simulated_start(
     system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
     if path.parametric.layout.harmonics:
         path.problem(())  # what cannot be followed is refused before the work
-        settled = settle(system, forces, u, v, phase=phase % (2.0 * math.pi), most=most, on_progress=on_progress)
+        settled = settle(system, forces, u, v, phase=phase % math.tau % math.tau, most=most, on_progress=on_progress)  # 2 pi is 0
     else:
         settled = settle_free(system, forces, u, v)
     return settled, settled_orbit(path, settled)

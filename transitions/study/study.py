@@ -315,7 +315,7 @@ class Study:
         values = self[name]
         if not np.isfinite(values).any():
             raise ValueError(f"no finished run of {self.path} has {name}; finish the study first")
-        at = int(np.nanargmax(values))
+        at = int(np.argmax(np.isclose(values, np.nanmax(values), rtol=1e-12, atol=0.0)))  # the first of those equal to rounding
         given = {key: column[at].item() for key, column in self.given.items()}
         return Best(int(self.runs[at]), float(values[at]), given, self._neighbours(at))
 
