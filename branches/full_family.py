@@ -302,6 +302,9 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     curve = next((one for one in uncut if one is not None), None)
     # If the family leaves the window, its other pieces are measured on what is followed inside, whichever branch of it is known.
     if curve is None or (not curve.closed and len(curve.grazing) < 2 and _others(curve, branch.energy)):
+        if problem.periodic and not smooth and is_solved_as_it_is(problem, y):
+            # From some impacts of a period a run gets stuck, from others it does not: the id is of one start.
+            problem, y = canonical_orbit(problem, y)
         curve = _followed(problem, y, window)
     marks = _marks(Family(problem, window, ends_only=True), curve)
     sequence, ends = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)

@@ -176,6 +176,7 @@ def meetings_at(
     rising: bool,
     *,
     cover: int = 1,
+    impacts: int = 0,
     accept: Callable[[float, Candidate], bool] | None = None,
     energy: tuple[float, float] = (0.0, np.inf),
 ) -> list[Neighbour]:
@@ -189,6 +190,8 @@ def meetings_at(
         Whether the family that it was reached on leaves it upward in energy.
     cover : int
         As for `neighbours`.
+    impacts : int
+        Of the neighbours, in a period; others are left out, and as many periods are unfolded as they need. 0 for any number.
     accept : callable, optional
         (quarter period at the grazing orbit, problem of the neighbours) -> whether it is solved; others are left out.
     energy : (float, float)
@@ -204,13 +207,11 @@ def meetings_at(
     orbit = touching(problem, y)
     if orbit.is_linear:
         return [_linear(orbit)]
-    orbit = orbit.repeated(cover)
+    orbit = orbit.repeated(max(cover, -(-impacts // len(orbit.times))))
     own = orbit.smallest(orbit.kept)
+    masks = (mask for mask in orbit.choices() if mask != own and not (impacts and mask.bit_count() % impacts))
     found = []
-    for mask in orbit.choices():
-        if mask == own:
-            continue
-        choice = candidate(orbit, mask)
+    for choice in (candidate(orbit, mask) for mask in masks):
         if accept is None or not choice.impacts or accept(0.25 * orbit.period / choice.cover, choice):
             found.append(meet(orbit, choice, rising, energy))
     return sorted(found, key=lambda item: (item.beside is None, item.cover, item.ends, item.sequence))

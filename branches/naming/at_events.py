@@ -6,7 +6,8 @@ from branches.branch import Branch, BranchEvent
 from branches.grazing.following import leaves_upward, meetings_at
 from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
-from branches.sequences import Ends, ImpactSequence, canonical_sequence, format_ends
+from branches.presentation import canonical_orbit
+from branches.sequences import Ends, ImpactSequence, canonical_sequence, format_ends, impacts_per_period, split_family_id
 from branches.switching import emanating_families
 from branches.tracing import follow_family
 from bvp.system import ImpactSystem
@@ -66,16 +67,20 @@ def orbits_at_event(branch: Branch, event: BranchEvent, family: str = "") -> tup
         return beginning.startswith(family) or family.startswith(f"{beginning}:")
 
     reasons: list[str] = []
+    hashed = family.count(":") == 2
     if event.type == "GR":
         y, rising = branch.orbit(event.point).solution.y, leaves_upward(branch, event.point)
-        met = meetings_at(branch.problem, y, rising, accept=lambda alpha, choice: fits(choice.ends, choice.sequence))
+        impacts = impacts_per_period(*split_family_id(family)[1::-1]) if hashed else 0
+        met = meetings_at(branch.problem, y, rising, impacts=impacts, accept=lambda alpha, choice: fits(choice.ends, choice.sequence))
         found = [(item.beside.problem, item.beside.y) for item in met if item.beside is not None]
         reasons = list(dict.fromkeys(item.reason for item in met if item.beside is None))
     else:
         found = [(item.problem, item.step.y) for item in emanating_families(branch, event)]
-    orbits = [Orbit(problem, problem.solve(y, energy=problem.energy(y))) for problem, y in found if fits(problem.ends, problem.sequence)]
+    # From some impacts of a period a run gets stuck: a family without a reversal begins where a build begins it.
+    begun = [canonical_orbit(*item) if item[0].periodic else item for item in found if fits(item[0].ends, item[0].sequence)]
+    orbits = [Orbit(problem, problem.solve(y, energy=problem.energy(y))) for problem, y in begun]
     ids = [id_without_hash(branch.system, orbit.ends, orbit.problem.sequence) for orbit in orbits]
-    if len(set(ids)) < len(ids) or family.count(":") == 2:  # the hash tells them apart, or is asked for
+    if len(set(ids)) < len(ids) or hashed:  # the hash tells them apart, or is asked for
         ids = [follow_family(orbit.problem, orbit.solution.y, points=1).id for orbit in orbits]
     return {id: orbit for id, orbit in zip(ids, orbits, strict=True) if id.startswith(family)}, reasons
 

@@ -167,9 +167,11 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
         chosen = [item for item in found if item.impacts == touches]
         missing = "no family with an impact at each touch of the stops begins at"
     else:
-        exact = [item for item, id in found.items() if name.family and name.family in (id, id.removesuffix(":"))]
-        chosen = exact or [item for item, id in found.items() if id.startswith(name.family)] or _by_hash(name.family, found)
-        missing = f"no family {name.family} begins at"
+        family = name.family
+        exact = [item for item, id in found.items() if family and family in (id, id.removesuffix(":"))]
+        chosen = exact or [item for item, id in found.items() if id.startswith(family)]
+        chosen = chosen or [item for item, id in found.items() if family.startswith(f"{id}:") and _full_id(item).startswith(family)]
+        missing = f"no family {family} begins at"
     if not chosen:
         near = most_alike(name.family, found.values(), 3) if name.family else tuple(found.values())
         listed = ", ".join(f"{place},{id}" for id in near)
@@ -302,8 +304,3 @@ def _mode(number: int, system: ImpactSystem) -> LinearMode:
 def _full_id(item: Neighbour) -> str:
     assert item.beside is not None
     return follow_family(item.beside.problem, item.beside.y, points=1).id
-
-
-def _by_hash(family: str, found: dict[Neighbour, str]) -> list[Neighbour]:
-    """The families whose full id begins so."""
-    return [item for item, id in found.items() if family.startswith(f"{id}:") and _full_id(item).startswith(family)]

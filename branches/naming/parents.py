@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
+from itertools import combinations_with_replacement, product
 
-from branches.sequences import Ends, ImpactSequence, canonical_sequence, mirror
+from branches.sequences import Ends, ImpactSequence, canonical_sequence, mirror, segments_per_period
 
-__all__ = ["QUARTER", "Sequences", "parent_sequences"]
+__all__ = ["SHORT", "Sequences", "parent_sequences"]
 
 
 Sequences = dict[tuple[ImpactSequence, Ends], None]
 
-QUARTER = 4
-"""Most impacts in a quarter period of the most symmetric families that are given."""
+SHORT = {4: 4, 2: 3}
+"""Most impacts in a quarter and in half a period of the short families that are given."""
 
 
 def parent_sequences(sequence: ImpactSequence, letters: tuple[str, ...], which: str, *, odd_symmetry: bool) -> Sequences:
     """The sequences and ends of families with a reversal at which a family of closed orbits can begin.
 
-    Where the last reversal breaks, the full period has the same sequence. Where an impact grazes, it can have one impact less or more, or
-    several, because a touch recurs in each quarter of a period.
+    Where the last reversal breaks, the full period has the same sequence. Where an impact grazes, it can have one impact less or more. In
+    a short family a touch recurs in each quarter or half of a period, and the closed orbits can have several of its periods.
 
     Parameters
     ----------
     sequence, letters
         Of the full period of the closed orbits; all contacts of the system.
     which : str
-        "near": at most one impact more or less; "symmetric": of quarter periods; "far": two impacts more or less, or at other places.
+        "near": at most one impact more or less; "short": all of quarter and half periods with few impacts.
     odd_symmetry
         As for `branches.sequences.canonical_sequence`.
 
@@ -36,21 +36,17 @@ def parent_sequences(sequence: ImpactSequence, letters: tuple[str, ...], which: 
     >>> list(parent_sequences(("+", "-"), ("+", "-"), "near", odd_symmetry=True))[:3]
     [((), ('origin', 'stop+')), ((), ('stop+', 'stop-')), (('+',), ('origin', 'origin'))]
     """
-
-    def changed(cycle: ImpactSequence) -> Iterator[ImpactSequence]:
-        for i in range(len(cycle)):
-            yield cycle[:i] + cycle[i + 1 :]
-            yield from ((*cycle[:i], letter, *cycle[i:]) for letter in letters)
-
-    if which == "symmetric":
-        far_ends = ("rest", *(f"stop{letter}" for letter in letters)) if odd_symmetry else ()
-        quarters = (hits for most in range(min(len(sequence) // 4 + 1, QUARTER) + 1) for hits in product(letters, repeat=most))
-        found = [(hits, ("origin", end)) for hits, end in product(quarters, far_ends)]
-    else:
-        cycles = dict.fromkeys([sequence, *changed(sequence)])
-        if which == "far":
-            cycles = dict.fromkeys(other for cycle in cycles for other in changed(cycle))
+    if which == "near":
+        count = len(sequence)
+        fewer = [sequence[:i] + sequence[i + 1 :] for i in range(count)]
+        more = [(*sequence[:i], letter, *sequence[i:]) for i in range(count) for letter in letters]
+        cycles = dict.fromkeys([sequence, *fewer, *more])
         found = [segment for cycle in cycles for segment in _segments(cycle, odd_symmetry=odd_symmetry)]
+    else:
+        kinds = (*(("origin",) if odd_symmetry else ()), "rest", *(f"stop{letter}" for letter in letters))
+        pairs = [(ends, segments_per_period(ends)) for ends in combinations_with_replacement(kinds, 2)]
+        numbers = [(ends, most) for ends, parts in pairs for most in range(min(len(sequence) // parts + 1, SHORT[parts]) + 1)]
+        found = [(hits, ends) for ends, most in numbers for hits in product(letters, repeat=most)]
     return dict.fromkeys(canonical_sequence(hits, ends, odd_symmetry=odd_symmetry) for hits, ends in found)
 
 

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from branches.full_family import energy_scale
 from branches.naming.at_events import orbits_at_event
-from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
+from branches.naming.labels import Label, Name, canonical_label, most_alike
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
-from branches.naming.parents import QUARTER, Sequences, parent_sequences
+from branches.naming.parents import SHORT, Sequences, parent_sequences
 from branches.presentation import embed, same_orbit
 from branches.search.along_sequence import orbits_with_sequence
-from branches.search.discovery import LONGEST, check_bounds, discover_orbits, fastest_turn
-from branches.search.orbit_search import Found, OrbitSearch, Problems, judged
+from branches.search.discovery import LONGEST, check_bounds, fastest_turn
+from branches.search.orbit_search import Found, OrbitSearch, judged, kept_problems
 from branches.search.smooth_starts import SmoothSampler
 from branches.search.starts import Sampler
-from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
+from branches.sequences import PERIODIC, canonical_sequence, split_family_id
 from branches.tracing import HIGHEST, follow_family
 from bvp.checks import checked_energy_range, require_system
 from bvp.multipoint import MultipointProblem, NotConverged
@@ -107,7 +108,6 @@ class Search:
             [Sampler(system, kind, self.longest, self.impacts) for kind in kinds] if system.smooth_forces is None
             else [SmoothSampler(system, kind, self.longest, self.impacts, half_waves) for kind in kinds]
         )  # fmt: skip
-        self.problems: Problems = {}
         self.seen: dict[str, tuple[float, float]] = {}
         self.others: dict[str, Branch] = {}
         self.searched = (0, 0)
@@ -141,7 +141,7 @@ class Search:
 
     def orbits_at(self, energy: float, angles: int, *part: float) -> list[Found]:
         """The orbits that a scan at an energy finds; arguments of the samplers."""
-        search = OrbitSearch(self.system, self.problems)
+        search = OrbitSearch(self.system, kept_problems(self.system))
         segments = (segment for sampler in self.samplers for segment in sampler.segments(energy, angles, *part))
         found = (search.add(segment, partial(MultipointProblem.solve, energy=energy)) for segment in segments)
         return [orbit for orbit in found if orbit is not None]
@@ -198,10 +198,8 @@ class Search:
                 f"orbits in which it rotates by more than {LONGEST:g}"
             )
         if self.name.family is not None and self.others:
-            known = [
-                f"{name} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for name, branch in self.others.items()
-            ]
-            return f"{text}; with these ends and this sequence there {'is' if len(known) == 1 else 'are'} {', '.join(known[:5])}"
+            there = "is" if len(self.others) == 1 else "are"
+            return f"{text}; with these ends and this sequence there {there} {_listed(self.others.values())}"
         label = self.name.label
         if label is not None:
             cover = why_a_cover(
@@ -284,12 +282,11 @@ def followed_through(followed: Followed, orbit: Found, energy: tuple[float, floa
 
 ROUNDS = {
     "reversal": ((("", 7, 48), ("", 6, 256)), (("", 6, 48),)),
-    "closed": ((("near", 4, 48), ("symmetric", 3, 48), ("far", 4, 48), ("near", 6, 48)), (("near", 5, 48), ("symmetric", 4, 48))),
-    "smooth": ((("", 6, 0),), (("", 5, 0),)),
+    "closed": ((("near", 4, 48), ("short", 3, 48), ("near", 6, 48), ("near", 4, 256)), (("near", 5, 48), ("short", 4, 48))),
 }
 """Searches for an id, in the range of energies and then in that of the limits: which sequences (for orbits without a reversal, of
 `branches.naming.parents`), the times that energies are put between those that were searched (seven: 127 energies at most), and the
-starts in each piece of a curve of starts (`branches.search.along_sequence`). With smooth forces all orbits of an energy are searched."""
+starts in each piece of a curve of starts (`branches.search.along_sequence`)."""
 
 KEPT = "expected a catalogue that has it (--catalogue FILE)"
 
@@ -309,54 +306,55 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     ValueError
         For a system whose orbits cannot be searched.
     """
-    assert name.family is not None
-    ends, sequence, _ = split_family_id(name.family)
-    # `discover_orbits` says which systems with smooth forces it covers.
-    smooth, closed = system.smooth_forces is not None, ends == PERIODIC
-    if smooth and closed:
-        raise NameNotFound(f"{name.family} has orbits without a reversal, not searched with smooth forces; {KEPT}, or {FROM_EVENT}")
-    require_system(system, two_dof="" if smooth else "families are searched by id for", advice=KEPT, smooth=True)
+    family = name.family or ""
+    if system.smooth_forces is not None:
+        raise NameNotFound(f"{family}: with smooth forces ids are searched from the origin; {KEPT}, or {FROM_EVENT}")
+    require_system(system, two_dof="families are searched by id for", advice=KEPT)
     check_bounds(system, limits.quarter_period, None)
-    odd, letters = system.has_odd_symmetry, system.modes.contact_letters
     low, high = max(energy[0], 1e-3 * limits.energy[0]), min(energy[1], limits.energy[1] if energy[1] == math.inf else energy[1])
     span = min(low, limits.energy[0]), max(high, limits.energy[1])
     asked = (low, high) if name.h is None else (name.h, name.h)
-    of_ranges = zip(dict.fromkeys([asked, span]), ROUNDS["smooth" if smooth else "closed" if closed else "reversal"], strict=False)
+    closed = split_family_id(family)[0] == PERIODIC
     tried: set[Branch] = set()
-    for (least, most), which, rounds, density in ((between, *one) for between, searches in of_ranges for one in searches):
-        wanted = {canonical_sequence(sequence, ends, odd_symmetry=odd): None}
-        if closed:
-            wanted = parent_sequences(sequence, letters, which, odd_symmetry=odd)
-        grid = (k / 2**level for level in range(1, rounds + 1) for k in range(1, 2**level, 2))
-        for h in (least * (most / least) ** part for part in grid) if least < most else (least,):
-            for found in _orbits_at(system, h, limits.quarter_period, wanted, density):
-                branch = followed_through(followed, found, span)
-                if not closed and name.family in branch.full_family.ids:
-                    return found, branch
-                for event in branch.events if closed and branch not in tried else ():
-                    if event.type in ("SB", "GR"):
-                        with suppress(RuntimeError):
-                            orbit = orbits_at_event(branch, event, name.family)[0].get(name.family)
-                            if orbit is not None:
-                                found = Found(orbit.problem, orbit.solution, None)
-                                return found, followed_through(followed, found, span)
-                tried.add(branch)
-    there = dict.fromkeys(f"{branch.id} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for branch in followed)
-    why = f"with these ends and this sequence of impacts there are {', '.join(list(there)[:5])}" if there else KEPT
+    for orbit in _orbits_beside(system, family, list(dict.fromkeys([asked, span])), limits.quarter_period):
+        branch = followed_through(followed, orbit, span)
+        if branch not in tried:
+            tried.add(branch)
+            found = _begun_on(branch, family) if closed else orbit if family in branch.full_family.ids else None
+            if found is not None:
+                return found, followed_through(followed, found, span)
+    why = f"with these ends and this sequence of impacts there are {_listed(followed)}" if followed else KEPT
     if closed:
-        beside = f"this sequence, up to two impacts more or less, or {QUARTER} impacts in a quarter period at most"
+        beside = f"this sequence, up to one impact more or less, or up to {SHORT[4]} impacts in a quarter or {SHORT[2]} in half a period"
         why = f"no SB or GR where it begins was found on families with a reversal that have {beside}; {KEPT}, or {FROM_EVENT}"
-    raise NameNotFound(f"no orbit {name.family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; {why}")
+    raise NameNotFound(f"no orbit {family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; {why}")
 
 
-def _orbits_at(system: ImpactSystem, h: float, quarter_period: float, sequences: Sequences, density: int) -> Iterator[Found]:
-    """The orbits with canonical sequences and ends at an energy; `density` as in `ROUNDS`."""
-    for hits, ends in sequences:
-        if system.smooth_forces is not None:
-            pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
-            impacts = math.ceil(impacts_per_period(hits, ends) / 2)
-            every = discover_orbits(system, h, quarter_period=quarter_period, impacts=impacts, ends=(pair,)).orbits
-            orbits = [Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None) for orbit in every]
-        else:
-            orbits = orbits_with_sequence(system, h, ends, hits, quarter_period, density)
-        yield from (orbit for orbit in orbits if orbit.canonical == (hits, ends))
+def _listed(branches: Iterable[Branch]) -> str:
+    """The first families, with their labels and lowest energies."""
+    texts = dict.fromkeys(f"{branch.id} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for branch in branches)
+    return ", ".join(list(texts)[:5])
+
+
+def _orbits_beside(system: ImpactSystem, family: str, ranges: list[tuple[float, float]], quarter_period: float) -> Iterator[Found]:
+    """Orbits that may lie on the family with an id, or on one where it begins, in the order of `ROUNDS`."""
+    ends, sequence, _ = split_family_id(family)
+    rounds = zip(ranges, ROUNDS["closed" if ends == PERIODIC else "reversal"], strict=False)
+    for (low, high), (which, times, density) in ((between, one) for between, every in rounds for one in every):
+        wanted: Sequences = {canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry): None}
+        if which:
+            wanted = parent_sequences(sequence, system.modes.contact_letters, which, odd_symmetry=system.has_odd_symmetry)
+        parts = [k / 2**level for level in range(1, times + 1) for k in range(1, 2**level, 2)]
+        energies = [low * (high / low) ** part for part in parts] if low < high else [low]
+        for h, (hits, pair) in product(energies, wanted):
+            yield from orbits_with_sequence(system, h, pair, hits, quarter_period, density)
+
+
+def _begun_on(branch: Branch, family: str) -> Found | None:
+    """An orbit of the family with an id next to an SB or a GR of a branch, where it begins; None if it begins at none of them."""
+    for event in (event for event in branch.events if event.type in ("SB", "GR")):
+        with suppress(RuntimeError):
+            orbit = orbits_at_event(branch, event, family)[0].get(family)
+            if orbit is not None:
+                return Found(orbit.problem, orbit.solution, None)
+    return None

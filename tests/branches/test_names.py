@@ -87,7 +87,7 @@ def test_the_id_of_a_family_is_a_name():
         ("S13O00+@h=0.01", (0.05, 1e4), ["at h = 0.01"]),
         ("S13O00+@h=0.3,alpha=3", (0.05, 1e4), ["at h = 0.3, alpha = 3; at h = 0.3 there are S13O00+@h=0.3,alpha="]),
         ("S13O00+@alpha=3", (0.05, 1e4), ["at alpha = 3; followed over alpha = 1.64016:1.83867"]),
-        ("periodic:+-:00000000", (0.05, 1e4), ["0.05:10000", "no SB or GR where it begins", "two impacts more or less"]),
+        ("periodic:+-:00000000", (0.05, 1e4), ["0.05:10000", "no SB or GR where it begins", "one impact more", "expected a catalogue"]),
         ("L11+", (0.05, 1e4), ["linear mode", "0.1185078106"]),
         ("L11-", (0.05, 1e4), ["linear mode", "0.0864921894"]),
         ("U3401", (0.09, 0.15), ["nearest that exist", "U4401+@h=", "U3201-@h="]),

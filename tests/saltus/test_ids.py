@@ -7,8 +7,11 @@ import sys
 import pytest
 
 import saltus
+from branches.presentation import closed_presentation
 from branches.search.discovery import discover_orbits
 from branches.tracing import follow_family
+from bvp.closures import cycle_of
+from bvp.multipoint import MultipointProblem
 from tests.branches.catalogue.families import real, renamed
 from tests.saltus.running import refused, run
 
@@ -258,16 +261,44 @@ SHIPPED = [
     ("periodic:++--:7cedfa25", (0.2, 0.21)),
     ("periodic:++-+-+-:edf23254", (0.2786411393988897, 0.29829698254231996)),
     ("periodic:+++-+-+-+--:8212214a", (10.0, 14.0)),
+    ("periodic:++-++-+-+-:6d755b34", (0.3862234389472785, 0.6042488024451786)),
+    ("periodic:++-+-+-+-++-+--+-:deb73ac0", (31.568088023332002, 47.6530956448421)),
+    ("periodic:+++++---++----++----:fede24cb", (66.84681334648717, 73.92533020054627)),
+    ("periodic:++-++-+-+-+-+-+-:3bbc9664", (2.3445300357160326, 2.3603990148707448)),
 ]
 """Families of the catalogue that `saltus build` makes of the shipped scene, each with a range of energies in which it has orbits: a small
 part of the range, the whole family, two that are narrow, and one that few starts lead to; three without a reversal that begin at grazings,
-with an impact more, an impact less, and several less. `tests/full/test_shipped_scene.py` takes all."""
+with an impact more, an impact less, and several less; two that have three and two periods of the grazing orbit; one that is followed past
+its fold from nearly all of its impacts; and one that begins at an SB of a family to which few starts lead.
+`tests/full/test_shipped_scene.py` takes all."""
 
 
 @pytest.mark.parametrize(("id", "energy"), SHIPPED)
 def test_an_id_of_the_shipped_catalogue_is_found_without_it(id, energy):
     """Oracle: the id, which a build computed from families that it reached along others."""
     assert saltus.trace(id, energy=energy, points=5).id == id
+
+
+def test_an_id_does_not_depend_on_the_impact_at_which_the_period_begins():
+    """Oracle: the id in the presentation of a build. From one of the 20 impacts, either way in time, the run gets stuck at the fold."""
+    id, energy = SHIPPED[-2]
+    branch = saltus.trace(id, energy=energy)
+    cycle = cycle_of(branch.problem, branch.unknowns(branch.start))
+    for image in (closed_presentation(cycle, first=first, backwards=back) for first in range(10, 14) for back in (False, True)):
+        problem = MultipointProblem(branch.system, image.ends, image.sequence)
+        assert follow_family(problem, image.unknowns(problem), points=1).id == id
+
+
+def test_a_family_with_two_periods_of_the_grazing_orbit_begins_there(tmp_path, capsys):
+    """Oracle: the period, twice that of the grazing orbit."""
+    path, (id, _) = tmp_path / "family.json", SHIPPED[-3]
+    assert run(capsys, "continue", "origin-stop+:+-:2867119e", "--energy", "40:60", "--json", path)[0] == 0
+    code, out, err = run(capsys, "continue", "--from", f"{path}:GR1,{id}", "--energy", "40:60", "--json", "-")
+    assert code == 0, err
+    branch, parent = json.loads(out), json.loads(path.read_text())
+    touch = next(event for event in parent["events"] if event["id"] == "GR1")
+    met = [event for event in branch["events"] if event["type"] == "GR" and abs(event["h"] / touch["h"] - 1.0) < 1e-9]
+    assert branch["branch"]["id"] == id and met and abs(met[0]["alpha"] / (2.0 * touch["alpha"]) - 1.0) < 1e-9
 
 
 def test_a_family_that_was_found_by_its_id_has_its_events():
