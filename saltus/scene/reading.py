@@ -155,7 +155,10 @@ def read_toml(path: Path, where: str, names: Iterable[str] = (), expected: str =
 def _with_plain_names(content: Any) -> Any:
     """The content of a file with each name, and each text that can be one, as expressions have it."""
     if isinstance(content, dict):
-        return {normalised(key): _with_plain_names(value) for key, value in content.items()}
+        plain = {normalised(key): _with_plain_names(value) for key, value in content.items()}
+        if len(plain) < len(content):
+            raise ValueError(f"two names are one, written with other characters: {', '.join(content)}")
+        return plain
     if isinstance(content, list):
         return [_with_plain_names(value) for value in content]
     return normalised(content) if isinstance(content, str) and content.isidentifier() else content

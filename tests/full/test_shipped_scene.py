@@ -9,7 +9,6 @@ from branches.building.plan import Bounds
 from branches.catalogue import Catalogue
 from branches.catalogue.check import check_catalogue
 from branches.naming.families import resolve
-from branches.naming.matching import NameNotFound
 from branches.naming.search import search_bounds
 from saltus.__main__ import main
 from tests.branches.building.agreement import Families, decided_stability
@@ -111,20 +110,15 @@ def test_each_id_is_a_name_without_the_catalogue(built):
 
 
 def test_ids_without_a_reversal_are_names_without_the_catalogue(built):
-    """Oracle: the ids of the build and the orbits of its families, each tenth one. The few others are refused, with what was searched."""
-    limits, lost = search_bounds(SCENE.bounds), []
+    """Oracle: the ids of the build and the orbits of its families, each tenth one."""
+    limits = search_bounds(SCENE.bounds)
     with Catalogue(built[0]) as catalogue:
         rows = [row for row in catalogue.families() if row.ends == "periodic"][::10]
         for row in rows:
-            try:
-                orbit, branch = resolve(row.id, SCENE.system, reference_points={}, limits=limits, energy=row.h)
-            except NameNotFound as error:
-                assert "no SB or GR where it begins was found on families with a reversal that have" in str(error)
-                lost.append(row.id)
-                continue
+            orbit, branch = resolve(row.id, SCENE.system, reference_points={}, limits=limits, energy=row.h)
             alphas = [kept.alpha for kept in catalogue.branch(row.id).orbits_at(energy=orbit.h)]
             assert row.id in branch.full_family.ids and min(abs(alpha / orbit.alpha - 1.0) for alpha in alphas) < 1e-9
-    assert len(rows) > 100 and len(lost) <= 0.02 * len(rows)
+    assert len(rows) > 100
 
 
 def test_a_second_build_has_nothing_to_do(built, capsys):

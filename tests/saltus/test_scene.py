@@ -106,6 +106,12 @@ def test_letters_are_equal_however_they_are_typed(tmp_path, capsys, form):
     assert (code, err) == (0, "") and "1.728" in out and "2.48832" in out  # 1.2^3 and 1.2^5
 
 
+def test_two_names_that_are_one_are_refused(tmp_path):
+    """Oracle: the message. The sign of a unit and the Greek letter are one name, so one of two values would not be used."""
+    with pytest.raises(ValueError, match="two names are one, written with other characters: .*\u00b5, \u03bc"):
+        load_scene(written(tmp_path, LAW.replace("[parameters]", '[parameters]\n"\u00b5" = 1.0\n"\u03bc" = 2.0')))
+
+
 def test_the_default_scene_is_the_reference_system(tmp_path, monkeypatch):
     """Oracle: Lee et al. 2009, mu = sigma = 0.1, no damping, elastic; found from any working directory."""
     monkeypatch.chdir(tmp_path)
