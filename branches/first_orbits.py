@@ -10,7 +10,7 @@ import numpy as np
 from continuation.problem import Step
 from continuation.switching import oriented
 
-__all__ = ["DISTANCE", "across_null_space", "first_orbits", "is_denied", "is_fold"]
+__all__ = ["DISTANCE", "across_null_space", "first_orbits", "is_denied", "shares_fold"]
 
 DISTANCE = 0.02
 """Distance from the event to the first orbit looked for on a new family, in units of the orbit's size; halved where there is none."""
@@ -41,7 +41,7 @@ def is_denied(problem: Any, y: np.ndarray) -> bool:
     return bool(singular[-1] > _GAP * singular[0])
 
 
-def is_fold(family: Any, y: np.ndarray) -> bool:
+def shares_fold(family: Any, y: np.ndarray) -> bool:
     """Whether the parameter has an extremum along each of several families through an orbit: no null vector of the Jacobian changes it."""
     scale = family.problem.scales(y)
     _, singular, rows = np.linalg.svd(family.jacobian(y) * scale)

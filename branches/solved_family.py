@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from branches.first_orbits import is_fold
+from branches.first_orbits import shares_fold
 from branches.kernels.blocks import Beginning, Block, GoalPlane, WatchedTests
 from branches.kernels.brackets import MOST, PASSED_OVER, REFUSED, BracketWork, Departure, Known, Sought, make_bracket, scan_tests
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
@@ -23,7 +23,7 @@ from continuation.switching import refine_branch_point
 
 __all__ = ["AdvancedSteps", "FAILED", "MOST_ITERATIONS", "SINGULAR", "SolvedFamily", "begun_along", "step_of"]
 
-_FOLD, _BRANCHING = 0, 1
+_BRANCHING = 1
 MOST_ITERATIONS = 12
 """Most iterations of a correction."""
 
@@ -195,9 +195,9 @@ class SolvedFamily:
         y = refine_branch_point(self, at.y, self.problem.scales(at.y))
         return None if y is None else self._branch_point(y, at)
 
-    def is_fold(self, index: int, y: np.ndarray) -> bool:
+    def shares_fold(self, y: np.ndarray) -> bool:
         """See `continuation.Problem`."""
-        return index == _FOLD and is_fold(self, y)
+        return shares_fold(self, y)
 
     def _branch_point(self, y: np.ndarray, near: Step) -> Step | None:
         """A branch point, not corrected: the equations are singular there, and so is the tangent."""

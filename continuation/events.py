@@ -63,11 +63,13 @@ class EventFinder:
         """Words for the events whose place was not found, by the label of their test function."""
         self.undefined = [math.nan] * len(self._tests)
         """Test functions of the point before the first: not known."""
-        self._is_fold: Callable[[int, np.ndarray], bool] | None = getattr(problem, "is_fold", None)
+        self._shares_fold: Callable[[np.ndarray], bool] = getattr(problem, "shares_fold", lambda y: False)
         self._refine: Callable[[int, Step], Step | None] | None = getattr(problem, "refined", None)
         fine, coarse = settings.location_tolerance, settings.coincidence_tolerance
         self._tolerances = [(coarse, fine) if test.singular and self._refine else (fine,) for test in self._tests]
         absorbed = {code for test in self._tests if test.singular for code in test.absorbs}
+        folds = [(i, j) for j in range(len(self._tests)) for i, test in enumerate(self._tests) if test.code in self._tests[j].absorbs]
+        self._shared = {i: j for pair in folds[:1] for i, j in (pair, pair[::-1])}  # the fold and the branch point, of each the other one
         self._at_branch_points = [bool(test.singular) or test.code in absorbed for test in self._tests]
 
     def find(self, history: History, before: Point, after: Point, ds: float) -> list[FoundEvent]:
@@ -117,6 +119,7 @@ class EventFinder:
             for i, event in enumerate(classified):
                 if zone.found and self._tests[event.index] is zone.test and zone.low - near <= event.location.s <= zone.high + near:
                     classified[i] = replace(event, absorbed=(*event.absorbed, *zone.found))
+        classified = self._with_shared_folds(classified, before, after)
 
         # A point between each two events: a record of the branch needs the stability between them, which only points have.
         parted = classified[:1]
@@ -168,7 +171,7 @@ class EventFinder:
     def _zeros(
         self, tests: list[int], locator: Locator, resolution: Resolution, limit: float, before: Point, ds: float
     ) -> list[tuple[int, Location]]:
-        """The zeros of some test functions where they change sign, without those where they only touch zero.
+        """The zeros of some test functions where they change sign, and where they touch zero if that is an event of theirs.
 
         The points taken to locate one can show two of another. Signs are compared until none is new."""
         located: list[tuple[int, Location]] = []
@@ -238,26 +241,23 @@ class EventFinder:
                 low, high = found.between
                 if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
                     crossed.append((index, found))
+            if self._tests[index].touches:
+                crossed += [(index, touch) for touch in _touches(index, [at for at in resolution.sure(index) if at[0] <= limit], locator)]
         return crossed
 
     def _beside(self, index: int, zone: Zone, locator: Locator) -> Location | None:
         """The zero of a test function in the zone of a branch point, if it is another event than this one."""
         if not math.isfinite(zone.high - zone.low):
             return None
-        singular, middle = self._tests.index(zone.test), 0.5 * (zone.low + zone.high)
-        beside = locator.zero_beside(index, singular, middle)
+        beside = locator.zero_beside(index, self._tests.index(zone.test), 0.5 * (zone.low + zone.high))
+        if beside is None:
+            return None
+        s, margin = beside[0], max(beside[1], self._settings.location_tolerance)
         try:
-            if beside is None and (self._is_fold is None or not self._is_fold(index, locator.step(middle).y)):
-                return None
-            s, error = beside or (middle, 0.5 * (zone.high - zone.low))
-            margin = max(error, self._settings.location_tolerance)
             step, low, high = (locator.step(place) for place in (s, s - margin, s + margin))
         except StepRefused:
             return None
-        step = (beside is None and self._refine and self._refine(singular, step)) or step
-        residual = abs(float(step.tests[index]))
-        residual = 0.0 if math.isnan(residual) else residual  # rounding
-        return Location("zero", "located", s, step, residual, low, high, between=(s - margin, s + margin), alone=beside is None)
+        return Location("zero", "located", s, step, _residual(index, step), low, high, between=(s - margin, s + margin))
 
     def _around(self, index: int, first: Location, last: Location, resolution: Resolution) -> tuple[Location, float]:
         """Two zeros, or one, as one, with the bracket up to the next steps at which the test function is more than rounding; and the size
@@ -342,8 +342,7 @@ class EventFinder:
             if test.kind == "change" and a != b and not count:
                 located.append((index, Location("change", "located", 0.0, step, 0.0, step, step)))
             elif test.kind == "crossing" and ((a > 0) is not (b > 0)) is not (count % 2 == 1):
-                residual = abs(float(step.tests[index]))
-                residual = 0.0 if math.isnan(residual) else residual  # rounding
+                residual = _residual(index, step)
                 if residual <= NEAR_BRANCH_POINT * max(abs(a), abs(b)):
                     located.append((index, Location("zero", "located", 0.0, step, residual, step, step)))
         return self._classified(located, before, after)
@@ -366,11 +365,27 @@ class EventFinder:
         for i, strong in enumerate(found):
             for j, weak in enumerate(found):
                 near = abs(weak.location.s - strong.location.s) <= self._settings.coincidence_tolerance
-                near = near and not weak.location.alone
                 if i != j and i not in dropped and near and weak.details.code in self._tests[strong.index].absorbs:
                     dropped.add(j)
                     absorbed[i] = absorbed.get(i, ()) + (weak.details.code,)
         return [replace(event, absorbed=absorbed.get(i, ())) for i, event in enumerate(found) if i not in dropped]
+
+    def _with_shared_folds(self, found: list[FoundEvent], before: Point, after: Point) -> list[FoundEvent]:
+        """The events, with both the fold and the branch point where all families through one orbit have their fold there.
+
+        The determinant changes its sign there if the dimension of the null space is even, and the branch point has absorbed the fold. Else
+        the fold was found alone."""
+        apart = list[FoundEvent]()
+        for event in found:
+            other = self._shared.get(event.index)
+            if other is None or any(one.index == other for one in found) or not self._shares_fold(event.location.step.y):
+                apart.append(event)
+                continue
+            location = event.location._replace(residual=_residual(other, event.location.step))
+            details = self._problem.classify(other, before, location.step, after, location)
+            codes = tuple(code for code in event.absorbed if code != self._tests[other].code)
+            apart += [replace(event, absorbed=codes), *([] if details is None else [FoundEvent(other, location, details)])]
+        return apart
 
     def _is_small(self, index: int, location: Location, before: Point, after: Point) -> bool:
         """Whether an event is a zero: its residual is small against the values of its test function on both sides, or its level."""
@@ -398,6 +413,25 @@ class EventFinder:
             return location
         margin = self._settings.location_tolerance
         return Location("zero", "located", s, step, abs(float(step.tests[index])), step, step, margin=margin, between=location.between)
+
+
+def _touches(index: int, known: list[tuple[float, float]], locator: Locator) -> list[Location]:
+    """Where a test function, known at some lengths of the step, reaches zero to rounding and turns back."""
+    noise = _ROUNDING * max((abs(value) for _, value in known), default=0.0)
+    clear = [i for i, (_, value) in enumerate(known) if abs(value) > noise]
+    found = []
+    for i, j in pairwise(clear):
+        if j - i > 1 and (known[i][1] > 0.0) is (known[j][1] > 0.0):
+            low, s, high = known[i][0], min(known[i + 1 : j], key=lambda at: abs(at[1]))[0], known[j][0]
+            first, step, last = map(locator.step, (low, s, high))
+            found.append(Location("zero", "located", s, step, _residual(index, step), first, last, between=(low, high)))
+    return found
+
+
+def _residual(index: int, step: Step) -> float:
+    """Size of a test function at its zero; 0 where it is nan for being rounding."""
+    value = abs(float(step.tests[index]))
+    return 0.0 if math.isnan(value) else value
 
 
 def make_event(found: FoundEvent, position: Any, arclength: float, index: int) -> Event:

@@ -61,8 +61,6 @@ class Location(NamedTuple):
         Why it was interrupted, else empty.
     margin : float
         How much wider the bracket is on either side, for a point that was not found by steps.
-    alone : bool
-        Whether it is an event of its own at a branch point that is said to absorb its kind.
     """
 
     kind: FoundKind
@@ -75,7 +73,6 @@ class Location(NamedTuple):
     reason: str = ""
     margin: float = 0.0
     between: tuple[float, float] = (0.0, 0.0)
-    alone: bool = False
 
 
 class Locator:

@@ -47,6 +47,8 @@ class TestFunction(NamedTuple):
     singular : float
         Of a test for branch points: below this value the equations are so nearly singular that signs of other test functions are rounding.
         0 for all others.
+    touches : bool
+        A zero without a change of sign is an event, too: there are several at once, as of parts that do not interact.
     """
 
     code: str
@@ -56,6 +58,7 @@ class TestFunction(NamedTuple):
     oriented: bool = False
     absorbs: tuple[str, ...] = ()
     singular: float = 0.0
+    touches: bool = False
 
 
 TestFunction.__test__ = False  # type: ignore[attr-defined]  # pytest takes classes with such a name for tests
@@ -345,8 +348,7 @@ class Problem(Protocol):
       on a zero of test `index` between two known steps as `continuation.bracketing.bracketed_root` does. `known`: the samples in order.
     - ``refined(index, at) -> Step | None``: the event of test `index` to full accuracy, where steps bring it no nearer than the step `at`
       (whose tangent and turn it has); None if that is as near as it gets.
-    - ``is_fold(index, y) -> bool``: whether test `index` is the fold, and the parameter has an extremum at the unknowns y, a branch point,
-      along each family through it.
+    - ``shares_fold(y) -> bool``: whether the parameter has an extremum at the unknowns y, a branch point, along each family through it.
     - ``beyond(at) -> (Step, Step) | None``: the branch point just ahead of the step `at`, and the point of the family as far behind it.
       It is for runs that no step leads past the branch point.
     - ``symmetries(y) -> list``: functions that take unknowns to those of their image (`continuation.images.Symmetry`), and ``sizes(y)``

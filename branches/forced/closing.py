@@ -16,7 +16,7 @@ import numpy as np
 
 from branches.admissible import BEYOND, force_event
 from branches.forced.family import ForcedFamily
-from branches.forced.resequencing import later, resequenced
+from branches.forced.resequencing import at_rest, later, resequenced
 from branches.released.family import ReleasedFamily
 from bvp.contact_sequence import CLOSES
 from bvp.forced import ForcedProblem
@@ -270,7 +270,7 @@ def _touching_orbit(problem: ForcedProblem, y: np.ndarray) -> np.ndarray | None:
     nodes, times, size = narrow.nodes(found), narrow.flight_times(found), 2 * problem.degrees_of_freedom
     if moment.opens:
         state, fraction = narrow.fly(nodes[flight], at, flight)
-        state = _at_rest(problem, state, stop)
+        state = at_rest(problem, state, stop)
         inserted = np.tile([*state, fraction], (count, 1))
         rows = np.insert(nodes[:, : size + 1], flight + 1, inserted, axis=0)
         times = np.concatenate([times[:flight], [at], np.zeros(count - 1), [times[flight] - at], times[flight + 1 :]])
@@ -322,7 +322,7 @@ def _held_orbit(problem: ForcedProblem, y: np.ndarray, moment: _Moment) -> np.nd
     fractions = np.full(len(problem.events), angle / (2.0 * math.pi * problem.load_periods))
     fractions[: moment.begin] -= 1.0
     times = np.zeros(len(fractions))
-    found = problem.pack(np.tile(_at_rest(problem, np.array(state), stop), (len(fractions), 1)), fractions, [value], times)
+    found = problem.pack(np.tile(at_rest(problem, np.array(state), stop), (len(fractions), 1)), fractions, [value], times)
     problem.flight_times(found)[(moment.begin + moment.length - 1) % len(fractions)] = problem.period(found)
     return found
 
@@ -369,28 +369,13 @@ def _held(problem: ForcedProblem, at: dict[str, float], stop: int, side: float, 
     return np.array([*found[:n], *rates[:n], angle]), float(found[n])
 
 
-def _at_rest(problem: ForcedProblem, state: np.ndarray, stop: int) -> np.ndarray:
-    """A state without the speed of a gap, which is rounding."""
-    n, row = problem.degrees_of_freedom, np.asarray(problem.system.stops[stop].gap)
-    rest = state.copy()
-    rest[n:] -= row * (row @ rest[n:]) / (row @ row)
-    return rest
-
-
 def _zero(function: Callable[[float], float], start: float, unit: float) -> float:
     """Zero of a function near a start, by secants."""
-    unit = unit or abs(start)
-    old, value = start, start + _PROBE * unit
-    before, here = function(old), function(value)
-    for _ in range(_ROUNDS):
-        if here == 0.0 or here == before:
-            break
-        change = -here * (value - old) / (here - before)
-        old, before = value, here
-        value += change
-        here = function(value)
-        if abs(change) <= 4.0 * np.finfo(float).eps * abs(unit):
-            break
-    if not abs(here) < BEYOND:
+    from scipy.optimize import newton
+
+    unit = abs(unit or start)
+    tolerance = 4.0 * np.finfo(float).eps * unit
+    value = float(newton(function, start, x1=start + _PROBE * unit, tol=tolerance, maxiter=_ROUNDS, disp=False))
+    if not abs(function(value)) < BEYOND:
         raise NotConverged("the contact force does not vanish")
     return value

@@ -17,7 +17,7 @@ from branches.admissible import GRAZING, describe_grazing
 from branches.first_orbits import is_denied
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests, narrow_forced_bracket
-from branches.forced.primitive import full_period, half_later, later_sign, twice
+from branches.forced.primitive import apart_from_image, full_period, half_later, image_sign, later_sign, twice
 from branches.forced.resonance import RESONANCE, resonances_around
 from branches.kernels.blocks import WatchedTests
 from branches.kernels.functions import is_orbit
@@ -90,8 +90,8 @@ class ForcedFamily(AlongParameters, SolvedFamily):
             *GRAZING.values(),
             TestFunction("EP", "guard", True, first),
             TestFunction("EP", "guard", True, last),
-            TestFunction(turned[0], "crossing", False, turned[1]),
-            TestFunction("NS", "crossing", False, "Neimark-Sacker bifurcation"),
+            TestFunction(turned[0], "crossing", False, turned[1], touches=True),
+            TestFunction("NS", "crossing", False, "Neimark-Sacker bifurcation", touches=True),
             *(TestFunction("UZ", "crossing", False, f"{name} = {value:g}") for value in values),
         )
         self._computed = len(self.tests)
@@ -162,12 +162,7 @@ class ForcedFamily(AlongParameters, SolvedFamily):
 
     def _is_twice(self, y: np.ndarray) -> bool:
         """Whether an orbit is another one traversed twice."""
-        problem, size = self.problem, 2 * self.problem.degrees_of_freedom
-        count, odd = divmod(len(problem.sequence), 2)
-        if odd or not count or problem.half or problem.load_periods % 2 or problem.sequence[:count] != problem.sequence[count:]:
-            return False
-        states = problem.nodes(y)[:, :size]
-        return bool(np.abs(states[:count] - states[count:]).max() <= _SAME * np.abs(states).max())
+        return image_sign(self.problem) == 1.0 and apart_from_image(self.problem, y) <= _SAME
 
     def merging(self, solution: Solution, data: dict[str, Any]) -> EventDetails:
         """Two impacts at the same instant: at stops that do not interact they exchange their order, else the family ends."""
@@ -177,11 +172,10 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         stops = [problem.system.stops[problem.modes.contact_stop[contact]] for contact in pair]
         if stops[0].name == stops[1].name:
             return EventDetails("GR", True, data)
-        rows = [np.asarray(stop.gap) for stop in stops]
-        system = problem.parametric.system(problem.parameters(solution.y))
-        along = [np.linalg.solve(system.mass, row) for row in rows]
+        rows = np.array([stop.gap for stop in stops])
+        inverse = rows @ np.linalg.solve(problem.parametric.system(problem.parameters(solution.y)).mass, rows.T)
         names = f"stops {stops[0].name} and {stops[1].name}"
-        if abs(rows[0] @ along[1]) <= 1e-14 * float(np.sqrt((rows[0] @ along[0]) * (rows[1] @ along[1]))):
+        if abs(inverse[0, 1]) <= 1e-14 * math.sqrt(inverse[0, 0] * inverse[1, 1]):
             return EventDetails("LB", True, data | {"note": f"impacts at {names} exchange their order; the family continues"})
         return EventDetails("EP", True, data | {"note": f"{names} are hit at once and interact: restitution does not define what follows"})
 

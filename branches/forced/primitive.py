@@ -115,16 +115,8 @@ def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solut
     if odd:
         return None
     try:
-        half = ForcedProblem(
-            problem.parametric,
-            problem.sequence[:count],
-            problem.released,
-            load_periods=problem.load_periods,
-            half=True,
-            values=problem.parameters(y),
-            keep=problem.keep,
-            pieces=1 if count else -(-problem.pieces // 2),
-        )
+        pieces = 1 if count else -(-problem.pieces // 2)
+        half = problem.sibling(problem.sequence[:count], half=True, values=problem.parameters(y), pieces=pieces)
     except EndsError:
         return None
     begun = _first_part(problem, y, half, 2)

@@ -9,7 +9,10 @@ from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
 
-__all__ = ["exchanged", "later", "resequenced", "with_first_bounce", "with_sticking", "with_touch", "without_flight", "without_impact"]
+__all__ = [
+    "at_rest", "exchanged", "later", "resequenced", "with_first_bounce", "with_sticking", "with_touch", "without_flight",
+    "without_impact", "without_node",
+]  # fmt: skip
 
 _INSTANT = 1e-7
 """Part of the period over which an acceleration is a difference of velocities."""
@@ -36,23 +39,22 @@ def _first_touch(problem: ForcedProblem, solution: Solution) -> tuple[int, float
     return min(found)[1:]
 
 
+def at_rest(problem: ForcedProblem, state: np.ndarray, stop: int) -> np.ndarray:
+    """A state without the speed of a gap, which is rounding."""
+    n, row = problem.degrees_of_freedom, np.asarray(problem.system.stops[stop].gap)
+    return np.append(state[:n], state[n:] - row * (row @ state[n:]) / (row @ row))
+
+
 def with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
     """The problem in which the touch of a grazing orbit is an impact of no speed, and the orbit in its unknowns."""
-    n, size = problem.degrees_of_freedom, 2 * problem.degrees_of_freedom
+    size = 2 * problem.degrees_of_freedom
     flight, time, side = _first_touch(problem, solution)
-    modes = problem.modes
-    contact = next(
-        c
-        for c in range(len(modes.contact_stop))
-        if modes.contact_stop[c] == int(solution["clearance_stop"]) and modes.contacts.side[c] == side
-    )
-    y = solution.y
+    y, modes, stop = solution.y, problem.modes, int(solution["clearance_stop"])
     nodes = problem.nodes(y)
     state, fraction = problem.fly(nodes[flight], time, flight)
     # The touch is at zero speed: rounding of the place of the extremum must not leave an impact that pulls.
-    row = np.asarray(problem.system.stops[int(solution["clearance_stop"])].gap)
-    state[n:] -= row * (row @ state[n:]) / (row @ row)
-    letter = modes.contact_letters[contact]
+    state = at_rest(problem, state, stop)
+    letter = modes.contact_letters[np.flatnonzero((modes.contact_stop == stop) & (modes.contacts.side == side))[0]]
     if not problem.sequence:
         lasting = np.sum(problem.flight_times(y), keepdims=True)
         return resequenced(problem, [letter], state[None], np.array([fraction % 1.0]), lasting, y)
@@ -64,12 +66,15 @@ def with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
 
 
 def without_impact(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:
-    """The problem without the impact whose speed has vanished, and the orbit in its unknowns. None where its stop sticks after it, and
-    without a clock where no impact is left: the periods of such a motion are those of a linear mode without growth."""
-    size, y = 2 * problem.degrees_of_freedom, solution.y
-    nodes, times = problem.nodes(y), problem.flight_times(y).copy()
+    """The problem without the slowest impact, whose speed has vanished, and the orbit in its unknowns; None as for `without_node`."""
     # Node i of the speeds is the impact that ends flight i; the last one is the first of the orbit.
-    gone = (int(solution["speed_node"]) + 1) % len(nodes)
+    return without_node(problem, solution.y, (int(solution["speed_node"]) + 1) % len(problem.nodes(solution.y)))
+
+
+def without_node(problem: ForcedProblem, y: np.ndarray, gone: int) -> tuple[ForcedProblem, np.ndarray] | None:
+    """The problem without an impact whose speed has vanished, and the orbit in its unknowns. None where its stop sticks after it, and
+    without a clock where no impact is left: the periods of such a motion are those of a linear mode without growth."""
+    size, nodes, times = 2 * problem.degrees_of_freedom, problem.nodes(y), problem.flight_times(y).copy()
     if problem.events[gone].sticks or (len(problem.sequence) == 1 and not problem.has_clock):
         return None
     times[gone - 1] += times[gone]

@@ -8,16 +8,17 @@ inserted or removed. Both families are regular there.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from itertools import chain, combinations
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from branches.admissible import force_event
 from branches.first_orbits import across_null_space, first_orbits
+from branches.forced import resequencing as change
 from branches.forced.closing import vanishes, without_moment
 from branches.forced.family import ForcedFamily
 from branches.forced.primitive import full_period, half_of, primitive_orbit, twice
-from branches.forced.resequencing import exchanged, with_first_bounce, with_sticking, with_touch, without_flight, without_impact
 from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
@@ -42,7 +43,7 @@ _SAMPLES = 401
 _INSTANT = 1e-6
 """Part of the period within which a touch is at an impact."""
 
-_Change = Callable[[ForcedProblem, Solution], tuple[ForcedProblem, np.ndarray] | None]
+_Change = Callable[[ForcedProblem, Solution], Any]
 """Makes the problem with another sequence from a grazing orbit, and the orbit in its unknowns; None where there is none."""
 
 
@@ -127,51 +128,82 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
     at = 2 * problem.degrees_of_freedom + 1
     side = np.sign(inwards[at])
     for make in _changes(problem, solution):
-        if make is with_sticking:
+        if make is change.with_sticking:
             opened = _opening_again(problem, solution, inwards)
             if opened is not None:
                 found.append(GrazingNeighbour(*opened, bool(np.sign(opened[1].y[at] - solution.y[at]) != side)))
                 continue
         try:
-            others = list(_without_impacts(problem, solution)) if make is without_impact else [make(problem, solution)]
+            others = list(make(problem, solution)) if make is _other_choices else [make(problem, solution)]
         except EndsError:
             continue  # the impact that appears pulls a stop open which sticks
         for made in others:
             # The orbits of a sequence with the first bounce apart are the same ones on this side.
-            beside = [] if made is None else _both_sides(*made, side)
-            found += [one for one in beside if one.persists or make is not with_first_bounce]
+            beside = [] if made is None else _both_sides(made[0], made[1], side)
+            found += [one for one in beside if one.persists or make is not change.with_first_bounce]
     return found
 
 
-def _without_impacts(problem: ForcedProblem, solution: Solution) -> Iterator[tuple[ForcedProblem, np.ndarray]]:
-    """The problem without the impact that vanishes, then without one at each further stop that vanishes with it, as at alike stops."""
-    gone, rest = set[int](), solution
-    while not gone or abs(rest["speed"]) <= _GRAZES * problem.segment.scale[problem.degrees_of_freedom]:
-        contact = int(problem.contacts[int(rest["speed_node"])])
-        made = None if contact in gone else without_impact(problem, rest)
-        if made is None:
-            return
+def _slow(problem: ForcedProblem, y: np.ndarray, limit: float = _GRAZES) -> dict[int, int]:
+    """The contacts with an impact without speed, and the node of it, the first one of each."""
+    speeds = problem.impact_speeds(y) / problem.segment.scale[problem.degrees_of_freedom]
+    nodes = [k for k, speed in enumerate(speeds) if abs(speed) <= limit and not problem.events[k].is_release]
+    return {problem.events[k].contact: k for k in reversed(nodes)}
+
+
+def _other_choices(problem: ForcedProblem, solution: Solution) -> Iterator[tuple[ForcedProblem, np.ndarray] | None]:
+    """The problems with another choice of the impacts without speed, one of each contact, and the orbit in their unknowns.
+
+    Parts that do not interact can touch their stops together, and their impacts can vanish together. Each choice of these impacts is that
+    of a family. Those with the fewest changes come first."""
+    reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
+    limit = max(_GRAZES, min(abs(solution["clearance"] / reach), abs(solution["speed"] / fast)))
+    y, before = solution.y, set(_slow(problem, solution.y, limit))
+    rest: Solution | None = solution
+    while rest is not None and abs(rest["clearance"]) <= limit * reach and rest["clearance_side"] != 0.0 and not force_event(problem, rest):
+        if rest["clearance_stop"] in [problem.modes.contact_stop[contact] for contact in _slow(problem, y, limit)]:
+            if rest is solution and not _is_at_slowest_impact(problem, rest):
+                yield change.with_touch(problem, rest)
+            break
+        problem, y = change.with_touch(problem, rest)
+        rest = problem.step(y, np.zeros(2 * problem.unknowns), 0.0)
+    while len(_slow(problem, y, limit)) > 1 and problem.flight_times(y)[-1] < _INSTANT * problem.period(y):
+        problem, y = change.later(problem, y)  # impacts at one instant are not at the end of the sequence and at its beginning
+    slow = _slow(problem, y, limit)
+    for changed in chain.from_iterable(combinations(sorted(slow), count) for count in range(1, len(slow) + 1)):
+        made: tuple[ForcedProblem, np.ndarray] | None = (problem, y)
+        for node in sorted((slow[contact] for contact in before.symmetric_difference(slow).symmetric_difference(changed)), reverse=True):
+            made = made and change.without_node(*made, node)
         yield made
-        gone.add(contact)
-        problem = made[0]
-        found = problem.step(made[1], np.zeros(2 * problem.unknowns), 0.0) if problem.sequence else None
-        if found is None:
-            return
-        rest = found
 
 
 def _both_sides(problem: ForcedProblem, start: np.ndarray, side: float) -> list[GrazingNeighbour]:
     """The orbits next to a grazing one in its family, where they are orbits. side: where the other family has its parameter."""
-    family, at, found = ForcedFamily(problem), 2 * problem.degrees_of_freedom + 1, []
-    begin = family.begin(start)
+    at, found = 2 * problem.degrees_of_freedom + 1, []
+    begin = ForcedFamily(problem).begin(start)
     for sign in (1.0, -1.0) if begin.converged else ():
-        turned = family.step(begin.y, sign * begin.tangent, 0.0)
+        family, along = ForcedFamily(_in_order(problem, begin, sign)), sign * begin.tangent
+        if family.problem is not problem:  # another order can begin with another impact: its parameter has the same tangent
+            along = np.where(np.arange(len(along)) == at, along, 0.0)
+        turned = family.step(begin.y, along, 0.0)
         steps = (family.step(turned.y, turned.tangent, length) for length in _SHORT)
         step = next((step for step in steps if _is_inside(step)), None)
         if step is not None:
             persists = bool(np.sign(step.y[at] - start[at]) != side)
-            found.append(GrazingNeighbour(*_primitive(problem, step), persists))
+            found.append(GrazingNeighbour(*_primitive(family.problem, step), persists))
     return found
+
+
+def _in_order(problem: ForcedProblem, step: Step, sign: float) -> ForcedProblem:
+    """The problem with the impacts without speed at one instant in their order beyond an orbit, in a direction along its family."""
+    slow, times = _slow(problem, step.y).values(), problem.flight_times(step.y)
+    if len(slow) < 2:
+        return problem
+    rates = problem.nodes(step.tangent[: problem.unknowns])[:, 2 * problem.degrees_of_freedom]
+    apart = [not (k in slow and k - 1 in slow and times[k - 1] < _INSTANT * np.sum(times)) for k in range(len(times))]
+    # Of alike parts the order stays as it is.
+    order = np.lexsort((np.round(sign * rates / np.abs(rates).max(), 6), np.cumsum(apart)))
+    return problem.sibling([problem.sequence[k] for k in order], values=problem.parameters(step.y))
 
 
 def _is_inside(step: Step) -> bool:
@@ -214,33 +246,25 @@ def _changes(problem: ForcedProblem, solution: Solution) -> list[_Change]:
     """The changes of the sequence at a grazing: of what is zero to rounding, else the one that is nearest to it."""
     # A single impact that vanishes is the largest one of its orbit, too: the units are those of arclength.
     reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
-    sizes: dict[_Change, float] = {
-        with_touch: abs(solution["clearance"] / reach),
-        without_impact: abs(solution["speed"] / fast),
-        exchanged: abs(solution["flight"] / problem.duration(solution)),
-    }
-    if any(event.closed for event in problem.events) and sizes[exchanged] < _INSTANT:
+    touch, speed = abs(solution["clearance"] / reach), abs(solution["speed"] / fast)
+    flight = abs(solution["flight"] / problem.duration(solution))
+    if any(event.closed for event in problem.events) and flight < _INSTANT:
         # The contact force, and the speed of a stop that opens for a moment, vanish faster than the time between two events.
-        return [without_flight]
-    limit = max(_GRAZES, min(sizes.values()))
-    if sizes[with_touch] <= limit and solution["clearance_side"] == 0.0:
-        return [with_first_bounce] if solution["clearance_time"] > 0.0 else []
-    if sizes[with_touch] <= limit and force_event(problem, solution) is not None:
-        return [with_sticking]
-    if sizes[without_impact] <= limit and _is_at_slowest_impact(problem, solution):
-        del sizes[with_touch]
-    if sizes[without_impact] <= limit:
-        del sizes[exchanged]  # the impact that vanishes has met another one
-    return [make for make, size in sizes.items() if size <= limit]
+        return [change.without_flight]
+    limit = max(_GRAZES, min(touch, speed, flight))
+    if touch <= limit and solution["clearance_side"] == 0.0:
+        return [change.with_first_bounce] if solution["clearance_time"] > 0.0 else []
+    if touch <= limit and force_event(problem, solution) is not None:
+        return [change.with_sticking]
+    found: list[_Change] = [_other_choices] if min(touch, speed) <= limit else []
+    return found if flight > limit or speed <= limit else [*found, change.exchanged]  # an impact that vanishes can meet another one
 
 
 def _is_at_slowest_impact(problem: ForcedProblem, solution: Solution) -> bool:
     """Whether the closest touch is the turning point at the slowest impact."""
-    flight, slowest = int(solution["clearance_flight"]), int(solution["speed_node"])
-    time, whole = float(solution["clearance_time"]), problem.duration(solution)
-    times = problem.flight_times(solution.y)
-    before = flight == slowest and abs(times[flight] - time) < _INSTANT * whole
-    return bool(before or (flight == (slowest + 1) % len(times) and time < _INSTANT * whole))
+    flight, slowest, times = int(solution["clearance_flight"]), int(solution["speed_node"]), problem.flight_times(solution.y)
+    ends = (slowest, times[flight] - solution["clearance_time"]), ((slowest + 1) % len(times), solution["clearance_time"])
+    return any(at == flight and time < _INSTANT * problem.duration(solution) for at, time in ends)
 
 
 def _opening_again(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> tuple[ForcedProblem, Step] | None:
@@ -248,19 +272,8 @@ def _opening_again(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
 
     It is hit again after a flight that begins without duration. There its equations are singular: gap, speed and time vanish together. So
     the family is entered a little way off, from the first terms of the flight. With the force g = g'' ((t - s)^2 - d^2)/2 the stop opens at
-    s - d and is hit at s + 3 d. If it would open at its impact, with g = g_0 + g' t, it is hit after 3 |g_0|/g'.
-
-    Parameters
-    ----------
-    problem, solution : ForcedProblem, Solution
-        The orbit at the event.
-    inwards : (u,) float
-        A direction along its family, away from the event.
-
-    Returns
-    -------
-    (ForcedProblem, Step) or None
-        Its first orbit, whose tangent points away from the event; None where none was found.
+    s - d and is hit at s + 3 d. If it would open at its impact, with g = g_0 + g' t, it is hit after 3 |g_0|/g'. The result is
+    its first orbit, whose tangent points away from the event.
     """
     flight, stop = int(solution["clearance_flight"]), int(solution["clearance_stop"])
     force = force_event(problem, solution)
@@ -284,22 +297,19 @@ def _opening_again(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         if opened is None:
             continue
         start, end = opened
-        half = 0.5 * (end - start)
-        begin, hit = (0.0, 3.0 * end) if at_begin else (start, start + 4.0 * half)
+        places = [3.0 * end] if at_begin else [start, 2.0 * end - start]
         times, nodes = problem.flight_times(y), problem.nodes(y)
-        if not hit < times[flight]:
+        if not places[-1] < times[flight]:
             continue
         symbols = [letter, letter + CLOSES] if at_begin else [problem.sequence[flight], letter + OPENS, letter + CLOSES]
         sequence = [*problem.sequence[:flight], *symbols, *problem.sequence[flight + 1 :]]
         size = 2 * problem.degrees_of_freedom
-        places = [hit] if at_begin else [begin, hit]
         inserted = [problem.fly(nodes[flight], place, flight) for place in places]
         states = np.insert(nodes[:, :size], flight + 1, [state for state, _ in inserted], axis=0)
         fractions = np.insert(nodes[:, size], flight + 1, [fraction for _, fraction in inserted])
         durations = np.diff([0.0, *places, times[flight]])
-        at = problem.parameters(y)
-        wide = problem.sibling(sequence, values=at)
-        guess = wide.pack(states, fractions, [at[name] for name in problem.released], [*times[:flight], *durations, *times[flight + 1 :]])
+        lasting = np.concatenate([times[:flight], durations, times[flight + 1 :]])
+        wide, guess = change.resequenced(problem, sequence, states, fractions, lasting, y)
         found = _first_opened(wide, guess, flight if at_begin else flight + 1)
         if found is not None:
             return wide, found

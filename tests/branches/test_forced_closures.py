@@ -13,6 +13,7 @@ from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
 from branches.forced.resequencing import later
 from branches.forced.switching import beside_grazing
+from branches.forced.tracing import follow_response, switch_response
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways
@@ -134,17 +135,17 @@ def test_an_orbit_can_be_begun_at_any_impact():
     assert np.sort_complex(turned.multipliers(moved)) == pytest.approx(np.sort_complex(problem.multipliers(y)), abs=1e-12)
 
 
-def alike(count):
-    """So many oscillators, each before its own stop at 1, under loads F cos 1.1 t."""
-    unit = np.eye(count)
+def alike(*masses, restitutions=(0.8, 0.8, 0.8), damping=0.1, harmonic=1.1):
+    """Oscillators, each before its own stop, with all forces as large as their mass: each has the motion of a single one."""
+    weights, unit = np.diag(masses), np.eye(len(masses))
     return ParametricSystem.from_description(
         {
-            "parameters": {"F": 0.5, "w": 1.1},
+            "parameters": {"F": 0.5, "w": harmonic, "s": 1.0},
             "system": {
-                "mass": unit.tolist(), "damping": (0.1 * unit).tolist(), "stiffness": unit.tolist(),
-                "stops": [{"c": row.tolist(), "upper": 1.0, "restitution": 0.8} for row in unit],
+                "mass": weights.tolist(), "damping": (damping * weights).tolist(), "stiffness": weights.tolist(),
+                "stops": [{"c": row.tolist(), "upper": "s", "restitution": e} for row, e in zip(unit, restitutions, strict=False)],
             },
-            "forces": [{"load": [1.0] * count, "amplitude": "F", "harmonic": 1}],
+            "forces": [{"load": list(masses), "amplitude": "F", "harmonic": 1}],
         }
     )  # fmt: skip
 
@@ -152,9 +153,9 @@ def alike(count):
 def test_independent_impacts_at_one_instant_are_followed():
     """Oracle: the response of a single oscillator, which each of two and of three is; where the impact's speed vanishes, F is the distance
     of the stop over the amplification."""
-    single, _ = settled(alike(1), ["F"])
+    single, _ = settled(alike(1.0), ["F"])
     for count in (2, 3):
-        problem, begun = settled(alike(count), ["F"])
+        problem, begun = settled(alike(*[1.0] * count), ["F"])
         run = follow_both_ways(ForcedFamily(problem, (0.05, 2.0)), problem.solve(begun).y, SETTINGS)
         parameters = np.array([point.step.parameter for point in run.points])
         assert parameters.max() == pytest.approx(2.0, abs=1e-12) and not [event for event in run.events if event.code == "LB"]
@@ -170,19 +171,59 @@ def test_independent_impacts_at_one_instant_are_followed():
                 assert single.scaled_residual(alone) < 1e-12
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_alike_oscillators_have_the_fold_and_the_grazing_of_one(count):
-    """Oracle: one oscillator. As many multipliers pass 1 at once as there are oscillators, and the determinant changes sign if they are
-    even: of several families with their fold there, the one along which all change is followed. All impacts vanish at once, too."""
-    places = []
-    for many in (1, count):
-        problem, y = settled(alike(many), ["F"])
+@pytest.mark.parametrize("masses", [(1.0, 1.0), (1.0, 2.0), (1.0, 1.0, 1.0), (1.0, 2.0, 3.0)])
+def test_alike_oscillators_have_the_events_of_one(masses):
+    """Oracle: one oscillator. As many multipliers pass 1 at once as there are oscillators, so that each of their families has its fold in
+    the branch point of them all, whether the determinant changes its sign there or not. All impacts vanish at once, too: each choice of
+    the others is a family."""
+    places, count = [], len(masses)
+    for some in ((1.0,), masses):
+        problem, y = settled(alike(*some), ["F"])
         run = follow_both_ways(ForcedFamily(problem, (0.05, 0.6)), problem.solve(y).y, SETTINGS)
         places.append({event.code: event.point.parameter for event in run.events})
         assert len(run.events) == len(places[-1])
+        assert all(event.residual < 1e-5 and "absorbed" not in event.details for event in run.events)
     one, found = places
-    assert set(one) == {"SN", "GR", "EP"} and set(found) - set(one) == ({"BP"} if count == 2 else set())
-    assert [found[code] for code in one] == pytest.approx(list(one.values()), rel=1e-12)
+    assert set(one) == {"SN", "GR", "EP"} and set(found) - set(one) == {"BP"}
+    one["BP"] = one["SN"]
+    assert found == pytest.approx(one, rel=1e-12)
     grazing = next(event for event in run.events if event.code == "GR")
     inwards = run.points[1 if grazing.index == 0 else -2].step.y - grazing.point.y
-    assert [len(beside.problem.sequence) for beside in beside_grazing(problem, grazing.point.extra, inwards)] == [*range(count)][::-1]
+    neighbours = [beside.problem.sequence for beside in beside_grazing(problem, grazing.point.extra, inwards)]
+    assert len({frozenset(sequence) for sequence in neighbours}) == len(neighbours) == 2**count - 1
+    assert max(map(len, neighbours)) == count - 1
+
+
+@pytest.mark.parametrize("masses", [(1.0, 1.0), (1.0, 2.0), (1.0, 1.0, 1.0)])
+def test_alike_oscillators_double_their_periods_together(masses):
+    """Oracle: one oscillator. det(M + 1) has a zero of each: of two it only touches zero."""
+    places = []
+    for some in ((1.0,), masses):
+        problem, y = settled(alike(*some, damping=0.05, harmonic=2.8), ["s"], values={"F": 1.0, "s": 0.0})
+        run = follow_both_ways(ForcedFamily(problem, (-1.0, 1.0)), problem.solve(y).y, SETTINGS)
+        (event,) = [event for event in run.events if event.code == "PD"]
+        places.append(event.point.parameter)
+        assert np.sum(np.abs(problem.multipliers(event.point.y) + 1.0) < 1e-9) == len(some)
+    assert places[1] == pytest.approx(places[0], abs=1e-11)
+
+
+def test_each_choice_of_impacts_at_stops_that_are_touched_together_is_a_family():
+    """Oracle: the folds of single oscillators with these restitutions, and the distance of the stop over the amplification, at which both
+    touch their stops at once: their responses without impacts are one motion."""
+    restitutions = 0.8, 0.6
+    folds = []
+    for e in restitutions:
+        problem, y = settled(alike(1.0, restitutions=(e,)), ["F"])
+        run = follow_both_ways(ForcedFamily(problem, (0.05, 0.6)), problem.solve(y).y, SETTINGS)
+        folds += [event.point.parameter for event in run.events if event.code == "SN"]
+    problem = ForcedProblem(alike(1.0, 1.0, restitutions=restitutions), (), ["F"], values={"F": 0.1})
+    response = follow_response(problem, problem.pack(np.zeros((1, 4)), np.zeros(1), [0.1]), (0.05, 0.6))
+    (touch,) = [event for event in response.events if event.type == "GR"]
+    assert touch.neighbours == (("a+", False), ("b+", False), ("b+a+", False))
+    expected = (folds[0], "a+b+"), (folds[1], "b+a+"), (folds[1], "b+")  # the fold, and the family behind the other end
+    for start, (fold, behind) in zip(switch_response(response, touch), expected, strict=True):
+        branch = follow_response(*start, (0.05, 0.6), direction="along", origin="GR1")
+        first, last = branch.events
+        assert (first.type, last.type) == ("SN", "GR") and last.neighbours == ((behind, False),)
+        places = [event.values["F"] for event in branch.events]
+        assert places == pytest.approx([fold, math.hypot(1.0 - 1.1**2, 0.11)], rel=1e-12)
