@@ -37,6 +37,9 @@ _DIFFERENCES = 1e-6
 
 _ROUNDS = 8
 
+_SEVERAL = 1e-6
+"""Distance of two multipliers at a bifurcation that are at one place."""
+
 _CONDITION = 1e3
 """How many roundings the null vectors are known to."""
 
@@ -88,13 +91,15 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
     Raises
     ------
     ValueError
-        For another code, and for an NS of an orbit without complex multipliers.
+        For another code, for an NS of an orbit without complex multipliers, and where several multipliers are at one place.
     """
     if code not in NORMAL_FORMS:
         raise ValueError(f"a normal form of SN, PD, SB or NS is known; received {code}")
     if code == "NS" and angle is None:
         angle = _angle(problem, y)
     wanted = complex(1.0) if code == "SN" else complex(-1.0) if angle is None or code != "NS" else cmath.exp(1j * angle)
+    if np.sum(np.abs(problem.multipliers(y) - wanted) < _SEVERAL) > 1 and problem.has_clock:
+        raise ValueError("several multipliers are there: the normal form has a coefficient of each product of their directions")
     equations = _OrbitEquations(problem, np.asarray(y, dtype=float))
     coefficient, error = equations.coefficient(code, wanted)
     # The orbit is near the bifurcation: its own multiplier gives another coefficient.

@@ -374,8 +374,7 @@ def _zero(function: Callable[[float], float], start: float, unit: float) -> floa
     from scipy.optimize import newton
 
     unit = abs(unit or start)
-    tolerance = 4.0 * np.finfo(float).eps * unit
-    value = float(newton(function, start, x1=start + _PROBE * unit, tol=tolerance, maxiter=_ROUNDS, disp=False))
+    value = float(newton(function, start, x1=start + _PROBE * unit, tol=4.0 * np.finfo(float).eps * unit, maxiter=_ROUNDS, disp=False))
     if not abs(function(value)) < BEYOND:
         raise NotConverged("the contact force does not vanish")
     return value

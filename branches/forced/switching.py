@@ -71,11 +71,10 @@ def emanating_orbits(problem: ForcedProblem, y: np.ndarray, tangent: np.ndarray,
     if code == "BP":
         direction = branch_directions(ForcedFamily(problem), y, tangent)[0]
         return [_primitive(problem, step) for step in first_orbits(ForcedFamily(problem), y, direction, at_an_angle=True)]
-    wide, repeated = (twice if code == "PD" else full_period)(problem, y)
     embed = twice if code == "PD" else full_period
+    wide, repeated = embed(problem, y)
     known = embed(problem, y + 1e-6 * tangent)[1] - embed(problem, y - 1e-6 * tangent)[1]
-    direction = across_null_space(wide, repeated, known, code)
-    steps = list(first_orbits(ForcedFamily(wide), repeated, direction))
+    steps = list(first_orbits(ForcedFamily(wide), repeated, across_null_space(wide, repeated, known, code)))
     return [(wide, step) for step in (steps[:1] if code == "PD" else steps)]
 
 
@@ -124,8 +123,7 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
 
 def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> list[GrazingNeighbour]:
     """The families behind a grazing, in which one impact of the solved segment appears, vanishes or changes its place."""
-    found = []
-    at = 2 * problem.degrees_of_freedom + 1
+    found, at = list[GrazingNeighbour](), 2 * problem.degrees_of_freedom + 1
     side = np.sign(inwards[at])
     for make in _changes(problem, solution):
         if make is change.with_sticking:
@@ -201,8 +199,7 @@ def _in_order(problem: ForcedProblem, step: Step, sign: float) -> ForcedProblem:
         return problem
     rates = problem.nodes(step.tangent[: problem.unknowns])[:, 2 * problem.degrees_of_freedom]
     apart = [not (k in slow and k - 1 in slow and times[k - 1] < _INSTANT * np.sum(times)) for k in range(len(times))]
-    # Of alike parts the order stays as it is.
-    order = np.lexsort((np.round(sign * rates / np.abs(rates).max(), 6), np.cumsum(apart)))
+    order = np.lexsort((np.round(sign * rates / np.abs(rates).max(), 6), np.cumsum(apart)))  # of alike parts it stays as it is
     return problem.sibling([problem.sequence[k] for k in order], values=problem.parameters(step.y))
 
 
@@ -307,8 +304,7 @@ def _opening_again(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         inserted = [problem.fly(nodes[flight], place, flight) for place in places]
         states = np.insert(nodes[:, :size], flight + 1, [state for state, _ in inserted], axis=0)
         fractions = np.insert(nodes[:, size], flight + 1, [fraction for _, fraction in inserted])
-        durations = np.diff([0.0, *places, times[flight]])
-        lasting = np.concatenate([times[:flight], durations, times[flight + 1 :]])
+        lasting = np.concatenate([times[:flight], np.diff([0.0, *places, times[flight]]), times[flight + 1 :]])
         wide, guess = change.resequenced(problem, sequence, states, fractions, lasting, y)
         found = _first_opened(wide, guess, flight if at_begin else flight + 1)
         if found is not None:

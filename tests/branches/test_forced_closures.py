@@ -14,6 +14,7 @@ from branches.forced.family import ForcedFamily
 from branches.forced.resequencing import later
 from branches.forced.switching import beside_grazing
 from branches.forced.tracing import follow_response, switch_response
+from bvp.criticality import criticality
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways
@@ -204,7 +205,34 @@ def test_alike_oscillators_double_their_periods_together(masses):
         (event,) = [event for event in run.events if event.code == "PD"]
         places.append(event.point.parameter)
         assert np.sum(np.abs(problem.multipliers(event.point.y) + 1.0) < 1e-9) == len(some)
+    with pytest.raises(ValueError, match="several multipliers are there"):
+        criticality(problem, event.point.y, "PD")
     assert places[1] == pytest.approx(places[0], abs=1e-11)
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_alike_absorbers_become_quasiperiodic_together(half):
+    """Oracle: one absorber. The product of 1 - mu_i mu_j has a zero of each pair of multipliers of them all: four at once of two."""
+    places = []
+    for count in (1, 2):
+        unit, coupling = np.eye(count), np.array([[1.0, -1.0], [-1.0, 1.0]])
+        parametric = ParametricSystem.from_description(
+            {
+                "parameters": {"w": 1.1},
+                "system": {
+                    "mass": np.kron(unit, np.diag([0.1, 1.0])).tolist(),
+                    "damping": np.kron(unit, 0.005 * coupling + np.diag([0.0, 0.02])).tolist(),
+                    "stiffness": np.kron(unit, 0.1 * coupling + np.diag([0.0, 1.0])).tolist(),
+                    "stops": [{"c": row, "lower": -1.0, "upper": 1.0, "restitution": 0.7} for row in np.kron(unit, [1.0, -1.0]).tolist()],
+                },
+                "forces": [{"load": [0.0, 1.0] * count, "amplitude": 0.3, "harmonic": 1}],
+            }
+        )
+        problem, y = settled(parametric, ["w"], periods=600, half=half)
+        run = follow_both_ways(ForcedFamily(problem, (0.7, 2.2)), problem.solve(y).y, SETTINGS)
+        places.append([event.point.parameter for event in run.events if event.code == "NS"])
+        assert {event.code for event in run.events} == {"GR", "NS", "SN"} | ({"BP"} if count == 2 else set())
+    assert len(places[0]) == 2 and places[1] == pytest.approx(places[0], rel=1e-9)
 
 
 def test_each_choice_of_impacts_at_stops_that_are_touched_together_is_a_family():
