@@ -151,7 +151,7 @@ def with_sticking(problem: ForcedProblem, solution: Solution) -> tuple[ForcedPro
 
 
 def with_first_bounce(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
-    """The problem in which the first impact of a chatter that is summed is one of its own, and a guess of its unknowns."""
+    """The problem in which the first impact of a chatter that is summed is one of its own, and the orbit in its unknowns."""
     flight, y, segment = int(solution["clearance_flight"]), solution.y, problem.segment
     nodes, times, size = problem.nodes(y), problem.flight_times(y), 2 * problem.degrees_of_freedom
     state, fraction = problem.fly(nodes[flight], float(times[flight]), flight)
@@ -166,7 +166,8 @@ def with_first_bounce(problem: ForcedProblem, solution: Solution) -> tuple[Force
     letter = problem.sequence[place].removesuffix(CLOSES)
     sequence = [*problem.sequence[:place], letter, *problem.sequence[place:]]
     states, fractions = np.insert(nodes[:, :size], place, sign * node[:size], axis=0), np.insert(nodes[:, size], place, node[size])
-    return resequenced(problem, sequence, states, fractions, np.insert(times, place, -2.0 * (row @ node[:size]) / press), y)
+    made, guess = resequenced(problem, sequence, states, fractions, np.insert(times, place, -2.0 * (row @ node[:size]) / press), y)
+    return made, made.solve(guess).y  # at this value of the parameter: near a guess there are orbits on one side of it
 
 
 def without_flight(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:

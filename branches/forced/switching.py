@@ -133,8 +133,8 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
                 continue
         try:
             others = list(make(problem, solution)) if make is _other_choices else [make(problem, solution)]
-        except EndsError:
-            continue  # the impact that appears pulls a stop open which sticks
+        except (EndsError, NotConverged):
+            continue  # the impact that appears pulls a stop open which sticks, or no bounce can be apart
         for made in others:
             # The orbits of a sequence with the first bounce apart are the same ones on this side.
             beside = [] if made is None else _both_sides(made[0], made[1], side)
@@ -233,8 +233,7 @@ def _primitive(problem: ForcedProblem, step: Step) -> tuple[ForcedProblem, Step]
     if not begin.converged:
         return problem, step
     # Both begin with the same state, and have the same parameter.
-    size = 2 * problem.degrees_of_freedom
-    kept = [*range(size), size + 1]
+    kept = [*range(2 * problem.degrees_of_freedom), 2 * problem.degrees_of_freedom + 1]
     sign = np.sign(begin.tangent[kept] @ step.tangent[kept])
     return primitive, ForcedFamily(primitive).step(begin.y, sign * begin.tangent, 0.0)
 

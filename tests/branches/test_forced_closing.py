@@ -12,6 +12,7 @@ from branches.forced.tracing import follow_response, switch_response
 from bvp.closures import EndsError
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate
+from saltus.scene import load_scene
 from tests.branches.test_forced_sticking import turned
 from transitions.response.path import ParameterPath
 from transitions.response.starting import NoOrbit, settled_orbit
@@ -135,6 +136,23 @@ def test_bounces_before_sticking_vanish_where_the_contact_force_does():
     last = next(one for one in back.events if one.type == "GR")
     assert last.values["B"] == pytest.approx(event.values["B"], abs=1e-12)
     assert last.neighbours == (("+=", True),) and "before it sticks vanish" in last.note
+
+
+@pytest.mark.parametrize("amplitude", [2.0, 3.0])
+def test_bounces_that_last_too_long_go_on_with_the_first_one_apart(amplitude):
+    """Oracle: the family of the motion that a simulation settles on behind this place, which is the same one: it ends at the same value.
+    A guess beside the place leads to orbits before it, where the first bounce can be apart, too."""
+    parametric = load_scene("damped_impact_oscillator").parametric
+    branch = response(parametric, "e", (0.0, 1.0), {"A": amplitude, "e": 0.005})
+    place = branch.events[-1]
+    assert branch.sequence == "+=" and place.type == "LB" and "last too long" in place.note
+    (start,) = switch_response(branch, place)
+    onwards = follow_response(*start, (0.0, 1.0), direction="along", origin="LB1")
+    assert onwards.parameter[0] == pytest.approx(place.values["e"], abs=1e-3) and onwards.parameter[0] > place.values["e"]
+    beyond = response(parametric, "e", (0.0, 1.0), {"A": amplitude, "e": place.values["e"] + 0.001})
+    assert beyond.sequence == onwards.sequence == "+=+"
+    assert onwards.events[-1].type == beyond.events[-1].type == "GR"
+    assert onwards.events[-1].values["e"] == pytest.approx(beyond.events[-1].values["e"], rel=1e-10)
 
 
 def coupled(mass, distance, restitution=0.5):
