@@ -378,13 +378,12 @@ class EventFinder:
         apart = list[FoundEvent]()
         for event in found:
             other = self._shared.get(event.index)
-            if other is None or any(one.index == other for one in found) or not self._shares_fold(event.location.step.y):
-                apart.append(event)
-                continue
-            location = event.location._replace(residual=_residual(other, event.location.step))
-            details = self._problem.classify(other, before, location.step, after, location)
-            codes = tuple(code for code in event.absorbed if code != self._tests[other].code)
-            apart += [replace(event, absorbed=codes), *([] if details is None else [FoundEvent(other, location, details)])]
+            if other is not None and not any(one.index == other for one in found) and self._shares_fold(event.location.step.y):
+                test, location = self._tests[other], event.location._replace(residual=_residual(other, event.location.step))
+                details = self._problem.classify(other, before, location.step, after, location) or EventDetails(test.code)
+                apart.append(FoundEvent(other, location, details))
+                event = replace(event, absorbed=tuple(code for code in event.absorbed if code != test.code))
+            apart.append(event)
         return apart
 
     def _is_small(self, index: int, location: Location, before: Point, after: Point) -> bool:

@@ -8,7 +8,7 @@ inserted or removed. Both families are regular there.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import chain, combinations
+from itertools import chain, combinations, islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +36,9 @@ _GRAZES = 1e-9
 
 _BEYOND = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 """Arclengths beyond a grazing at which an orbit is sought whose stop opens for a moment."""
+
+_MOST = 63
+"""Choices of impacts at one grazing that are tried: all of six."""
 
 _SAMPLES = 401
 """Instants of a flight between which the contact force is compared."""
@@ -168,7 +171,7 @@ def _other_choices(problem: ForcedProblem, solution: Solution) -> Iterator[tuple
     while len(_slow(problem, y, limit)) > 1 and problem.flight_times(y)[-1] < _INSTANT * problem.period(y):
         problem, y = change.later(problem, y)  # impacts at one instant are not at the end of the sequence and at its beginning
     slow = _slow(problem, y, limit)
-    for changed in chain.from_iterable(combinations(sorted(slow), count) for count in range(1, len(slow) + 1)):
+    for changed in islice(chain.from_iterable(combinations(sorted(slow), count) for count in range(1, len(slow) + 1)), _MOST):
         made: tuple[ForcedProblem, np.ndarray] | None = (problem, y)
         for node in sorted((slow[contact] for contact in before.symmetric_difference(slow).symmetric_difference(changed)), reverse=True):
             made = made and change.without_node(*made, node)
@@ -322,12 +325,11 @@ def _moments(problem: ForcedProblem, y: np.ndarray, flight: int, contact: int) -
     pulls = np.flatnonzero(np.array(forces) < 0.0)
     if not len(pulls) or pulls[-1] + 1 >= len(times):
         return None
-    k, last = int(pulls[0]), int(pulls[-1])
 
     def zero(i: int) -> float:
         return float(times[i] - forces[i] * (times[i + 1] - times[i]) / (forces[i + 1] - forces[i]))
 
-    return zero(k - 1) if k else 0.0, zero(last)
+    return zero(int(pulls[0]) - 1) if pulls[0] else 0.0, zero(int(pulls[-1]))
 
 
 def _first_opened(problem: ForcedProblem, guess: np.ndarray, flight: int) -> Step | None:
@@ -338,8 +340,7 @@ def _first_opened(problem: ForcedProblem, guess: np.ndarray, flight: int) -> Ste
         return None
     family = ForcedFamily(problem)
     step = family.begin(y)
-    if not step.converged or not all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
+    if not _is_inside(step):
         return None
-    grows = problem.flight_times(step.tangent[: problem.unknowns])[flight] > 0.0
-    turned = step if grows else family.step(step.y, -step.tangent, 0.0)
+    turned = step if problem.flight_times(step.tangent[: problem.unknowns])[flight] > 0.0 else family.step(step.y, -step.tangent, 0.0)
     return turned if turned.converged else None
