@@ -36,7 +36,6 @@ _DIFFERENCES = 1e-6
 """Relative error of derivatives that come from differences."""
 
 _ROUNDS = 8
-
 _SEVERAL = 1e-6
 """Distance of two multipliers at a bifurcation that are at one place."""
 

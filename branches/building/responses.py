@@ -27,8 +27,8 @@ from branches.files import one_line
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.family import ForcedFamily
 from branches.forced.identity import invariants
-from branches.forced.known import KnownEvents, kind_of
-from branches.forced.primitive import primitive_orbit
+from branches.forced.known import KnownEvents
+from branches.forced.primitive import kind_of, primitive_orbit
 from branches.forced.record import problem_from, problem_record
 from branches.forced.tracing import SWITCHES, follow_response, primitive_branch, switch_response
 from bvp.contact_sequence import joined_sequence
@@ -88,7 +88,7 @@ class ResponseSeed(NamedTuple):
 
     problem: as `branches.forced.record.problem_record` gives it. y: unknowns. tangent: None, or the tangent at a first orbit.
     interval: the family is followed in it. depth: how many events further families are followed from it. link: how it was reached. kind:
-    `branches.forced.known.kind_of` its orbits.
+    `branches.forced.primitive.kind_of` its orbits.
     """
 
     problem: dict[str, Any]

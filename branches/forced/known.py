@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-import numpy as np
-
 from branches.forced.branch import ForcedBranch
+from branches.forced.primitive import kind_of
 from branches.forced.tracing import SWITCHES
 from bvp.forced import ForcedProblem
 
-__all__ = ["KnownEvents", "kind_of"]
+__all__ = ["KnownEvents"]
 
 _SAME = 1e-7
 """Largest difference, beside the value, of the parameter at an event that two families share."""
@@ -43,14 +42,3 @@ class KnownEvents(Generic[Key]):
             return None
         slack = _SAME * max(1.0, abs(value))
         return next((key for at, key in self._rows.get(kind, ()) if abs(at - value) <= slack and fits(key)), None)
-
-
-def kind_of(problem: ForcedProblem) -> str:
-    """What the orbits of a family have in common: periods of the loads, symmetry, and the impacts of a full period up to a mirror image."""
-    modes, symbols = problem.modes, list(problem.sequence)
-    odd = bool(np.all(np.asarray(modes.contact_opposite) >= 0))
-    if problem.half:
-        symbols += [problem.mirrored(symbol) for symbol in symbols]
-    images = [symbols, [problem.mirrored(symbol) for symbol in symbols]] if odd else [symbols]
-    turned = (image[k:] + image[:k] for image in images for k in range(max(len(image), 1)))
-    return " ".join([str(problem.load_periods), "half" if problem.half else "full", *min(turned)])

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.forced.branch import ForcedBranch, ForcedEvent
-from branches.forced.known import KnownEvents, kind_of
+from branches.forced.known import KnownEvents
+from branches.forced.primitive import kind_of
 from branches.forced.tracing import SWITCHES, follow_response, go_on, switch_response
 from bvp.forced import ForcedProblem
 from continuation.problem import Step

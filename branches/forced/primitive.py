@@ -13,7 +13,9 @@ from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 
-__all__ = ["apart_from_image", "full_period", "half_later", "half_of", "image_sign", "is_odd", "later_sign", "primitive_orbit", "twice"]
+__all__ = [
+    "apart_from_image", "full_period", "half_later", "half_of", "image_sign", "is_odd", "kind_of", "later_sign", "primitive_orbit", "twice",
+]  # fmt: skip
 
 _SAME = 1e-6
 """Largest change, beside the largest unknown, with which an orbit repeats itself, or has the symmetry of half a period."""
@@ -114,9 +116,9 @@ def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solut
     count, odd = divmod(len(problem.sequence), 2)
     if odd:
         return None
+    changes = {"half": True, "values": problem.parameters(y), "pieces": 1 if count else -(-problem.pieces // 2)}
     try:
-        pieces = 1 if count else -(-problem.pieces // 2)
-        half = problem.sibling(problem.sequence[:count], half=True, values=problem.parameters(y), pieces=pieces)
+        half = problem.sibling(problem.sequence[:count], **changes)
     except EndsError:
         return None
     begun = _first_part(problem, y, half, 2)
@@ -173,3 +175,14 @@ def _part(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedProb
     states = problem.nodes(y)[:, :size] if count else problem.cut(y, times * pieces)[0]
     repeated = np.abs(states - np.tile(part.nodes(begun)[:, :size], (times, 1))).max()
     return (part, solution.y) if repeated <= _SAME * np.abs(states).max() else None
+
+
+def kind_of(problem: ForcedProblem) -> str:
+    """What the orbits of a family have in common: periods of the loads, symmetry, and the impacts of a full period up to a mirror image."""
+    modes, symbols = problem.modes, list(problem.sequence)
+    odd = bool(np.all(np.asarray(modes.contact_opposite) >= 0))
+    if problem.half:
+        symbols += [problem.mirrored(symbol) for symbol in symbols]
+    images = [symbols, [problem.mirrored(symbol) for symbol in symbols]] if odd else [symbols]
+    turned = (image[k:] + image[:k] for image in images for k in range(max(len(image), 1)))
+    return " ".join([str(problem.load_periods), "half" if problem.half else "full", *min(turned)])

@@ -18,7 +18,7 @@ from branches.first_orbits import across_null_space, first_orbits
 from branches.forced import resequencing as change
 from branches.forced.closing import vanishes, without_moment
 from branches.forced.family import ForcedFamily
-from branches.forced.primitive import full_period, half_of, primitive_orbit, twice
+from branches.forced.primitive import full_period, half_of, kind_of, primitive_orbit, twice
 from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
@@ -142,7 +142,7 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
             # The orbits of a sequence with the first bounce apart are the same ones on this side.
             beside = [] if made is None else _both_sides(made[0], made[1], side)
             found += [one for one in beside if one.persists or make is not change.with_first_bounce]
-    return found
+    return [*{(kind_of(one.problem), one.persists): one for one in found[::-1]}.values()][::-1]  # of two mirror images the first one
 
 
 def _slow(problem: ForcedProblem, y: np.ndarray, limit: float = _GRAZES) -> dict[int, int]:

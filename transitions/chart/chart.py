@@ -13,9 +13,8 @@ import numpy as np
 from branches.curves.record import BifurcationCurve
 from branches.forced.branch import ForcedBranch
 from branches.forced.identity import invariants
-from branches.forced.known import kind_of
 from branches.forced.onwards import Onwards, ResponseStart, follow_onwards, trace_start
-from branches.forced.primitive import primitive_orbit
+from branches.forced.primitive import kind_of, primitive_orbit
 from branches.forced.record import event_name
 from bvp.texts import brief
 from transitions.basin.identity import orbits_at

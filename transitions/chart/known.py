@@ -14,7 +14,7 @@ from branches.curves.plane import ParameterPlane
 from branches.curves.record import BifurcationCurve
 from branches.curves.starting import CurveStart, curve_problem
 from branches.forced.identity import invariants
-from branches.forced.known import kind_of
+from branches.forced.primitive import kind_of
 
 __all__ = ["KnownCurves", "curve_kind", "orbit_numbers"]
 
