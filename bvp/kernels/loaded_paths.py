@@ -30,7 +30,7 @@ from bvp.kernels.forced_sticking import (
     set_rates,
     watch_forces,
 )
-from bvp.kernels.loads import NEAR_RESONANCE, LoadedFlight
+from bvp.kernels.loads import NEAR_RESONANCE, LoadedFlight, off_resonance
 from bvp.kernels.smooth_loads import SmoothLoadedFlight
 from bvp.kernels.sticking import INTERACTION_LEVEL
 from bvp.kernels.summed_chatter import chatter_room, is_summed
@@ -81,7 +81,8 @@ def member(i, j, r):
 @inlined
 def joins(flight, k, h):
     """Whether harmonic h has to join block k: it acts near resonance, where its particular solution would be large, or on a block that is
-    larger than a pair. A harmonic one is far from real rates."""
+    larger than a pair. A harmonic one is far from real rates, and so is a constant one from those of a pair that is too fast to be joined:
+    its pieces would be shorter than `PIECES` allows."""
     free, loads = flight.free, flight.loads
     i, j = free.pairs[k, 0], free.pairs[k, 1]
     acts = False
@@ -89,11 +90,10 @@ def joins(flight, k, h):
         of_row = member(i, j, r)
         acts = acts or loads.modal[0, h, 0, of_row] != 0.0 or loads.modal[0, h, 1, of_row] != 0.0
     nu = loads.harmonics[h] * loads.clock[0]
-    square = free.delta[k] if j >= 0 else 0.0
-    mean = free.mean[k]
-    shift = complex(-mean, nu)
-    far = square > 0.0 and nu > 0.0
-    return acts and (j < -1 or (not far and NEAR_RESONANCE * abs(shift * shift - square) <= nu * nu + mean * mean + abs(square)))
+    distance, size, product = off_resonance(free, k, nu)
+    fast = -free.mean[k] * 2.0 * math.pi * loads.load_periods > GROWTH * PIECES * loads.clock[0] and product > 0.0
+    far = j >= 0 and free.delta[k] > 0.0 and (nu > 0.0 or fast)
+    return acts and (j < -1 or (not far and NEAR_RESONANCE * abs(distance) <= size))
 
 
 @chosen
@@ -196,15 +196,14 @@ def extend_linear_flight(flight, gaps, extended):
                 at += 2
                 continue
             # Equation (38): X = (i nu - B)^-1 (C - i S); 0 where no load acts.
-            shift = complex(-free.mean[k], nu)
-            far = shift * shift - (free.delta[k] if j >= 0 else 0.0)
+            far, _, _ = off_resonance(free, k, nu)
             part = 1.0 / far if far != 0.0 else complex(0.0, 0.0)
             b = complex(real[i], -imaginary[i])
-            found = shift * part * b
+            found = complex(-free.mean[k], nu) * part * b
             if j >= 0:
                 other = complex(real[j], -imaginary[j])
-                found += part * ((free.matrix[i, i] - free.mean[k]) * b + free.matrix[i, j] * other)
-                second = shift * part * other + part * (free.matrix[j, i] * b + (free.matrix[j, j] - free.mean[k]) * other)
+                found = part * (complex(-free.matrix[j, j], nu) * b + free.matrix[i, j] * other)
+                second = part * (free.matrix[j, i] * b + complex(-free.matrix[i, i], nu) * other)
                 steady[h, 0, j] = second.real
                 steady[h, 1, j] = -second.imag
             steady[h, 0, i] = found.real

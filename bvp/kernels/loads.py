@@ -20,6 +20,7 @@ import numpy as np
 
 from bvp.kernels.compiled import allocating, chosen, inlined, kernel, shared
 from bvp.kernels.flight import (
+    APART_LIMIT,
     Flight,
     block_product,
     damped,
@@ -27,6 +28,8 @@ from bvp.kernels.flight import (
     flow_block,
     flow_matrix,
     flow_state,
+    growth_rate,
+    real_rates,
     set_1,
     set_2,
     times_matrix,
@@ -74,11 +77,22 @@ class LoadedFlight(NamedTuple):
 
 
 @inlined
+def off_resonance(flight, k, nu):
+    """(i nu - a)(i nu - b) for the two rates of block k, the size of its terms, and the product a b; a single rate counts twice."""
+    # The difference of squares (i nu - m)^2 - delta would cancel where the rates are far apart.
+    i, j, mean, square, product = flight.pairs[k, 0], flight.pairs[k, 1], flight.mean[k], 0.0, flight.mean[k] ** 2
+    if j >= 0:
+        square = flight.delta[k]
+        product = flight.matrix[i, i] * flight.matrix[j, j] - flight.matrix[i, j] * flight.matrix[j, i]
+    return complex(product - nu * nu, -2.0 * mean * nu), nu * nu + mean * mean + abs(square), product
+
+
+@inlined
 def _closed_form(mean, delta, determinant, nu, t):
     """Psi = a + c D of a pair, D^2 = delta, and its derivative by nu: a, c, a', c'."""
     # Equation (38): (i nu - B)^-1 = (i nu - m + D)/((i nu - m)^2 - delta).
     shift = complex(-mean, nu)
-    c = 1.0 / (shift * shift - delta)
+    c = 1.0 / complex(determinant - nu * nu, -2.0 * mean * nu)
     a = shift * c
     c_nu = -2.0j * a * c
     a_nu = 1.0j * c - 2.0j * a * a
@@ -123,6 +137,16 @@ def _integral(mean, delta, determinant, nu, t):
     return a, c, a_nu, c_nu
 
 
+@kernel
+def _single_response(rate, nu, t):
+    """The integral of exp(rate (t - s)) exp(i nu s) over 0 <= s <= t, and its derivative by nu."""
+    if (abs(rate) + nu) * abs(t) < SHORT:
+        a, _, a_nu, _ = _integral(rate, 0.0, rate * rate, nu, t)
+    else:
+        a, _, a_nu, _ = _closed_form(rate, 0.0, rate * rate, nu, t)
+    return a, a_nu
+
+
 @allocating
 def _block_integral(matrix, start, size, nu, t, psi):
     """Psi of a larger block by Gauss's rule."""
@@ -159,19 +183,19 @@ def load_response(flight, nu, t, psi):
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
-        m = mean[k]
         if j < -1:
             _block_integral(matrix, i, -j, nu, t, psi)
             continue
-        square = 0.0
-        determinant = m * m
-        if j >= 0:
-            square = delta[k]
-            determinant = matrix[i, i] * matrix[j, j] - matrix[i, j] * matrix[j, i]
-        size = nu * nu + m * m + abs(square)
-        shift = complex(-m, nu)
-        distance = abs(shift * shift - square)
-        if NEAR_RESONANCE * distance <= size or math.sqrt(size) * abs(t) < SHORT:
+        distance, size, determinant = off_resonance(flight, k, nu)
+        m, square = mean[k], delta[k] if j >= 0 else 0.0
+        other = m
+        if m != 0.0 and square * t * t > APART_LIMIT:
+            # Psi = far + (near - far)/(slow - fast) (B - fast): what is small beside the slow motion keeps its digits.
+            fast, other = real_rates(m, square, determinant)
+            a, a_nu = _single_response(fast, nu, t)
+            near, near_nu = _single_response(other, nu, t)
+            c, c_nu = (near - a) / (other - fast), (near_nu - a_nu) / (other - fast)
+        elif NEAR_RESONANCE * abs(distance) <= size or math.sqrt(size) * abs(t) < SHORT:
             a, c, a_nu, c_nu = _integral(m, square, determinant, nu, t)
         else:
             a, c, a_nu, c_nu = _closed_form(m, square, determinant, nu, t)
@@ -180,8 +204,8 @@ def load_response(flight, nu, t, psi):
         psi[2, i, i] = a_nu.real
         psi[3, i, i] = a_nu.imag
         if j >= 0:
-            upper = matrix[i, i] - m
-            lower = matrix[j, j] - m
+            upper = other - matrix[j, j]
+            lower = other - matrix[i, i]
             psi[0, i, i] += c.real * upper
             psi[1, i, i] += c.imag * upper
             psi[2, i, i] += c_nu.real * upper
@@ -232,16 +256,25 @@ def _add_change(flight, z, t):
     """columns += the change of the flight's end where parameters change masses, dampers and springs: equation (40), by Gauss's rule."""
     free, enter, _, loads, change, psi, lines, flow, columns = flight
     size = enter.shape[0]
-    rate = fastest_rate(free)
-    highest = rate
+    # What decays without turning acts beside both ends of the flight alone: panels are as narrow there, and grow with the distance.
+    fastest = fastest_rate(free)
+    _, highest = growth_rate(free)
+    for k in range(free.pairs.shape[0]):
+        if free.pairs[k, 1] < -1:
+            highest = fastest
+        elif free.mean[k] >= 0.0 or free.delta[k] < 0.0:
+            highest = max(highest, abs(free.mean[k]) + math.sqrt(abs(free.delta[k])))
     for h in range(loads.harmonics.shape[0]):
         highest = max(highest, loads.harmonics[h] * loads.clock[0])
-    panels, width = _panels(rate + highest, t)
+    _, widest = _panels(2.0 * highest, t)
+    narrowest = 0.5 * PANEL / fastest if fastest > 0.0 else math.inf
     start = lines[0]
-    for panel in range(panels):
+    at = 0.0
+    while at < abs(t):
+        width = min(abs(widest), max(narrowest, min(at, 0.5 * (abs(t) - at))), abs(t) - at)
         for g in range(16):
-            s = (panel + GAUSS_NODES[g]) * width
-            weight = GAUSS_WEIGHTS[g] * width
+            s = math.copysign(at + GAUSS_NODES[g] * width, t)
+            weight = math.copysign(GAUSS_WEIGHTS[g] * width, t)
             here = lines[1]
             times_matrix(enter, z, start)
             flow_state(free, start, s, here)
@@ -254,6 +287,7 @@ def _add_change(flight, z, t):
                 flow_state(free, lines[2], t - s, lines[3])
                 for r in range(size):
                     columns[j, r] += weight * lines[3, r]
+        at = at + width if at + width > at else abs(t)
 
 
 @inlined

@@ -81,18 +81,22 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
     cuts = list(_cut_problems(problem, path))
     start = _linear_start(path, cuts[0])
     where = f"at {path.name} = {path.values[path.name]:.10g}"
-    words = f"the response without impacts is unbounded {where}: the load has the frequency of an undamped mode"
-    change = np.abs(cuts[0].multipliers(start) - 1.0).min()
-    if change < _RESONANT:
-        if not is_driven(problem, 2.0 * math.pi * problem.load_periods / problem.period(start)):
-            words = f"the response without impacts is not isolated {where}: free motion changes by a part {change:.1e} in its period"
-            words += f", expected {_RESONANT:g} or more"
-        raise Unbounded(words)
+    why = _not_isolated(cuts[0], start)
+    if why is not None:
+        if is_driven(problem, 2.0 * math.pi * problem.load_periods / problem.period(start)):
+            raise Unbounded(f"the response without impacts is unbounded {where}: the load has the frequency of an undamped mode")
+        raise Unbounded(f"the response without impacts is not isolated {where}: {why}")
     for cut in cuts:
         with suppress(NotConverged):
             solution = cut.solve(_linear_start(path, cut))
             return cut, solution.y, unphysical(cut, solution)
-    raise Unbounded(words)
+    raise Unbounded(f"Newton's method finds no response without impacts {where}")
+
+
+def _not_isolated(problem: ForcedProblem, y: np.ndarray) -> str | None:
+    """Why a response without impacts is not isolated, or known to too few digits; None where it is isolated."""
+    change = np.abs(problem.multipliers(y) - 1.0).min()
+    return f"free motion changes by a part {change:.1e} in its period, expected {_RESONANT:g} or more" if change < _RESONANT else None
 
 
 def _linear_start(path: ParameterPath, problem: ForcedProblem) -> np.ndarray:
@@ -193,6 +197,8 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
         solution = problem.solve(problem.pack(np.zeros((1, 2 * n)), [0.0], path.start) if linear else guess)
     except NotConverged as error:
         raise NoOrbit(f"{settled.text}; Newton's method finds no orbit there") from error
+    if linear and (why := _not_isolated(problem, solution.y)) is not None:
+        raise NoOrbit(f"{settled.text}; it is not isolated: {why}")
     # A state after an impact without rebound can be zero; a time is a fraction of the period.
     sizes = problem.scales(solution.y)[: 2 * n]
     for states in (settled.states, settled.impacts.before):

@@ -35,11 +35,11 @@ def rest_starts(path: ParameterPath, interval: tuple[float, float], direction: s
 
     Raises
     ------
-    RuntimeError
+    ValueError
         If it is an orbit at none of them.
     """
     starts: list[ResponseStart] = []
-    reasons: list[str] = []
+    reasons: dict[str, str] = {}  # with and without the value
     for value in (path.values[path.name], *interval):
         try:
             at = path.at(value)
@@ -53,12 +53,11 @@ def rest_starts(path: ParameterPath, interval: tuple[float, float], direction: s
                 starts.append(ResponseStart(problem, y, direction))
                 continue
             why = f"the response without impacts at {path.name} = {value:.10g} is no orbit: {why}"
-        if why not in reasons:
-            reasons.append(why)
+        reasons[why] = why.replace(f" at {path.name} = {value:.10g}", "")
     if not starts:
         where = f"at {path.name} = {path.values[path.name]:g} and at the ends of the range"
-        raise RuntimeError("; ".join([f"there is no response without impacts {where}", *reasons]))
-    return starts, reasons
+        raise ValueError("; ".join([f"there is no response without impacts {where}", *dict.fromkeys(reasons.values())]))
+    return starts, list(reasons)
 
 
 def simulated_start(
