@@ -266,37 +266,46 @@ def join(
     system: ImpactSystem, blocks: Blocks, basis: np.ndarray, loads: np.ndarray, frequency: np.ndarray, sizes: np.ndarray
 ) -> Joined:
     """Combine the blocks with the loads. A load is split off by its particular solution if that is no larger than a few gaps; else the load
-    and its block become one larger block."""
+    and its block become one larger block. Of two real rates far apart the slow one alone joins it: a fast one follows each load."""
     m, count = basis.shape[1], len(loads)
     gaps = np.array([stop.gap for stop in system.stops])
     reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
     inverse = blocks.from_state[:, m:] @ blocks.shapes @ blocks.shapes.T if m else np.zeros((0, 0))
     drives = [exact_product(inverse, load) for load in loads]
-    pieces: list[tuple[list[int], np.ndarray, list[Group], list[np.ndarray], np.ndarray]] = []
+    pieces: list[tuple[list[int], np.ndarray, np.ndarray, list[Group], list[np.ndarray], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
     pace = _pace(system, frequency)
-    for i, j in blocks.pairs:
+    # A part of a block: its indices, the part's coordinates as columns and the rows that give them, and whether it is a fast rate.
+    todo: list[tuple[list[int], np.ndarray, np.ndarray, bool]] = []
+    for i, j in reversed(blocks.pairs):
         index = [i, j] if j >= 0 else list(range(i, i - j))
-        own = blocks.matrix[np.ix_(index, index)]
-        ratios = np.ones(len(index))
+        todo.append((index, np.eye(len(index)), np.eye(len(index)), False))
+    while todo:
+        index, columns, rows, fast = todo.pop()
+        own = rows @ blocks.matrix[np.ix_(index, index)] @ columns
         joined = []
         for g in range(count):
-            drive = drives[g][index]
+            drive = rows @ drives[g][index]
             if not np.any(drive):
                 continue
             solution = _sylvester(own, _generator(frequency[g]), drive)
             if solution is not None:
-                moved = np.abs(gaps @ basis @ blocks.to_state[:m, index] @ solution) @ sizes[g]
-                if np.all(moved <= PARTICULAR_LIMIT * reach) and _amplification(own, frequency[g]) <= PARTICULAR_LIMIT:
-                    particular[np.ix_(index, [2 * g, 2 * g + 1])] = solution
+                moved = np.abs(gaps @ basis @ blocks.to_state[:m, index] @ columns @ solution) @ sizes[g]
+                if fast or (np.all(moved <= PARTICULAR_LIMIT * reach) and _amplification(own, frequency[g]) <= PARTICULAR_LIMIT):
+                    particular[np.ix_(index, [2 * g, 2 * g + 1])] += columns @ solution
                     continue
             joined.append(g)
+        apart = _rates_apart(own, pace) if joined else None
+        if apart is not None:
+            particular[index] = 0.0
+            todo += [(index, apart[0][:, r : r + 1], apart[1][r : r + 1], r == 1) for r in range(2)]
+            continue
         if joined:
             ratios = _ratios(own, pace)
-            own = own * ratios[:, None] / ratios
-        groups = _groups(joined, frequency, [drive[index] for drive in drives])
-        joint = np.zeros((len(index) + 2 * len(groups),) * 2)
-        joint[: len(index), : len(index)] = own
+            own, columns, rows = own * ratios[:, None] / ratios, columns / ratios, ratios[:, None] * rows
+        groups = _groups(joined, frequency, [rows @ drive[index] for drive in drives])
+        joint = np.zeros((len(own) + 2 * len(groups),) * 2)
+        joint[: len(own), : len(own)] = own
         units = []
         for k, group in enumerate(groups):
             # The units of a block's load are powers of two, in which it moves the block at its own rates: bounds of a flight grow with
@@ -305,29 +314,30 @@ def join(
             entries = np.array([1.0, 1.0 if frequency[lead] > 0.0 else 1.0 / pace])
             generator = _generator(frequency[lead]) * entries[:, None] / entries
             rate = max(np.abs(own).max(), np.abs(generator).max())
-            drive = ratios[:, None] * drives[lead][index]
+            drive = rows @ drives[lead][index]
             units.append(entries * 2.0 ** float(np.round(np.log2(np.abs(drive / entries).max() / rate))))
-            at = slice(len(index) + 2 * k, len(index) + 2 * k + 2)
-            joint[: len(index), at] = drive / units[k]
+            at = slice(len(own) + 2 * k, len(own) + 2 * k + 2)
+            joint[: len(own), at] = drive / units[k]
             joint[at, at] = generator
-        pieces.append((index, ratios, groups, units, joint))
-    pieces += [([], np.ones(0), [[(g, np.eye(2))]], [np.ones(2)], _generator(frequency[g])) for g in range(count)]
+        pieces.append((index, columns, rows, groups, units, joint))
+    none = np.zeros((0, 0))
+    pieces += [([], none, none, [[(g, np.eye(2))]], [np.ones(2)], _generator(frequency[g])) for g in range(count)]
     plain = not count
     size = sum(len(piece[-1]) for piece in pieces)
     matrix, inside = np.zeros((size, size)), np.zeros((2 * m, size))
     states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
     pairs, load_states, start = [], [], 0
-    for index, ratios, groups, units, joint in pieces:
-        width = len(joint)
-        place = np.array(index) if plain else np.arange(start, start + width)
+    for index, columns, rows, groups, units, joint in pieces:
+        width, size = len(joint), len(rows)
+        place = index if plain else list(range(start, start + width))
         pairs.append((place[0], place[1] if width == 2 else -width))
         matrix[np.ix_(place, place)] = joint
-        inside[index, place[: len(index)]] = 1.0 / ratios
-        states[place[: len(index)], index] = ratios
-        into[place[: len(index)]] = -ratios[:, None] * particular[index]
+        inside[np.ix_(index, place[:size])] = columns
+        states[np.ix_(place[:size], index)] = rows
+        into[place[:size]] = -rows @ particular[index]
         for k, group in enumerate(groups):
             for g, turn in group:
-                into[place[len(index) + 2 * k : len(index) + 2 * k + 2], 2 * g : 2 * g + 2] = units[k][:, None] * turn
+                into[place[size + 2 * k : size + 2 * k + 2], 2 * g : 2 * g + 2] = units[k][:, None] * turn
         if not index:
             load_states.append(start)
             own_load = groups[0][0][0]
@@ -365,6 +375,21 @@ def _groups(joined: list[int], frequency: np.ndarray, drives: list[np.ndarray]) 
         else:
             groups.append([(g, np.eye(2))])
     return groups
+
+
+def _rates_apart(block: np.ndarray, pace: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """The vectors of the slow and the fast rate of a block, as columns, and their inverse; None where no real rate is fast beside the
+    other and beside the pace."""
+    if len(block) != 2:
+        return None
+    (a, b), (c, d) = block
+    mean, product = 0.5 * (a + d), a * d - b * c
+    if not (2.0 * abs(product) < mean * mean and abs(mean) > PARTICULAR_LIMIT * pace):
+        return None
+    fast = mean + np.copysign(np.sqrt(mean * mean - product), mean)
+    columns = [(b, rate - a) if abs(rate - a) >= abs(rate - d) else (rate - d, c) for rate in (product / fast, fast)]
+    (p, q), (r, s) = (np.array(column) / np.abs(column).max() for column in columns)
+    return np.array([[p, r], [q, s]]), np.array([[s, -r], [-q, p]]) / (p * s - q * r)
 
 
 def _ratios(block: np.ndarray, pace: float) -> np.ndarray:

@@ -208,9 +208,10 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     beyond = unphysical(problem, solution)
     if beyond is not None:
         raise NoOrbit(f"{settled.text}; the orbit found there is no motion: {beyond}")
-    if linear and not problem.nodes(solution.y)[:, : 2 * n].any() and np.abs(problem.multipliers(solution.y)).max() < 1.0:
+    decays = linear and np.abs(problem.multipliers(solution.y)).max() < 1.0  # to the one response without impacts, if slowly
+    if decays and not problem.nodes(solution.y)[:, : 2 * n].any():
         return Periodic(problem, solution.y, 0.0)  # the motion decays to rest, but is never near it beside its own size
-    if not distance < _SAME * max(1.0, settled.distance / 1e-9):
+    if not decays and not distance < _SAME * max(1.0, settled.distance / 1e-9):
         raise NoOrbit(f"{settled.text}; the orbit found there is {distance:.1e} of its size away from it")
     symmetric = half_of(problem, solution.y)
     if symmetric is not None:
