@@ -44,6 +44,9 @@ AT_ONCE = 1e-12
 GROWTH = 2.0
 """What a state can grow or decay by in a piece, as a logarithm."""
 
+FADED = 40.0
+"""Decay, as a logarithm, after which a mode is rounding: pieces grow with the time, and their number with the logarithm of a rate."""
+
 
 class Extended(NamedTuple):
     """A flight with its loads' states, E states in B blocks. H harmonics."""
@@ -81,8 +84,7 @@ def member(i, j, r):
 @inlined
 def joins(flight, k, h):
     """Whether harmonic h has to join block k: it acts near resonance, where its particular solution would be large, or on a block that is
-    larger than a pair. A harmonic one is far from real rates, and so is a constant one from those of a pair that is too fast to be joined:
-    its pieces would be shorter than `PIECES` allows."""
+    larger than a pair. A harmonic one is far from real rates; so is a constant one, where a fast rate would make a block's bounds poor."""
     free, loads = flight.free, flight.loads
     i, j = free.pairs[k, 0], free.pairs[k, 1]
     acts = False
@@ -91,7 +93,7 @@ def joins(flight, k, h):
         acts = acts or loads.modal[0, h, 0, of_row] != 0.0 or loads.modal[0, h, 1, of_row] != 0.0
     nu = loads.harmonics[h] * loads.clock[0]
     distance, size, product = off_resonance(free, k, nu)
-    fast = -free.mean[k] * 2.0 * math.pi * loads.load_periods > GROWTH * PIECES * loads.clock[0] and product > 0.0
+    fast = product > 0.0 and -free.mean[k] > NEAR_RESONANCE * loads.clock[0]
     far = j >= 0 and free.delta[k] > 0.0 and (nu > 0.0 or fast)
     return acts and (j < -1 or (not far and NEAR_RESONANCE * abs(distance) <= size))
 
@@ -330,7 +332,7 @@ def smooth_clearance(flight, extended, stop, node, start, duration, growth, deca
 @loaded_clearance.of(LoadedFlight)
 @inlined
 def linear_clearance(flight, extended, stop, node, start, duration, growth, decay, tie, last):
-    """See `loaded_clearance`: in pieces. What decays fast is gone after the first ones: each is twice as long."""
+    """See `loaded_clearance`: in pieces, in which no mode decays by more than GROWTH until it has faded."""
     begin = extended.work[2]
     longest = max(GROWTH / growth, duration / PIECES) if growth > 0.0 else duration
     width = GROWTH / decay if decay > 0.0 else duration
@@ -354,7 +356,7 @@ def linear_clearance(flight, extended, stop, node, start, duration, growth, deca
         if at + width == at:
             break
         at += width
-        width *= 2.0
+        width = max(width, at * GROWTH / FADED)
     return best, best_side, best_time
 
 

@@ -298,7 +298,7 @@ def move(modes, duration, most, motion, log, scratch):
         if fast:
             counts[entry.IDLE] = 0
             clock[entry.PROGRESS] = clock[entry.TIME]
-        elastic = modes.restitution[c] == 1.0
+        elastic = modes.restitution[c] == 1.0 and modes.shape[1] == 0  # without losses
         if f != 0 or resolved or not elastic or modes.frequency.shape[0]:
             times_matrix(modes.to_modes[0], z, x)
         if resolved:

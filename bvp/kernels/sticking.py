@@ -29,7 +29,7 @@ from numpy import int64
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.compiled import kernel
 from bvp.kernels.contact_mode import add, advance_clock, contacts_of, flight_of, sums_of
-from bvp.kernels.flight import copy_1, row_dot, set_1
+from bvp.kernels.flight import ROUNDING, copy_1, row_dot, set_1
 from bvp.kernels.flights import NEAR_REACH, fastest, rounding_level
 from bvp.kernels.impact import NEAR, RELEASED, gauge
 
@@ -104,7 +104,11 @@ def chatter(modes, f, c, left, motion, table, values):
     # So is one whose speed is rounding, and one within the tolerance that outlasts the series of its distance: the dampers end it there.
     small |= slope <= rounding_level(flight_of(modes, f), modes.rate[f], c, z)
     small |= slope * quickest > -0.5 * bend * NEAR_REACH and -2.0 * slope * slope >= bend * tolerance
-    small &= restitution < 1.0 and bend < 0.0
+    if restitution == 1.0:
+        # Where a damper acts on its gap, each elastic bounce is slower than the one before, too: those within the tolerance are none.
+        kick, slowed = row_dot(modes.rate[f], c, modes.push[f, c]), -row_dot(modes.acceleration[f], c, modes.push[f, c])
+        small = slope * slowed / kick > -ROUNDING * bend and -2.0 * slope * slope >= bend * tolerance
+    small &= bend < 0.0
     if restitution == 0.0 or restitution == 1.0 or bend >= 0.0:
         counts[entry.BOUNCES] = 0
         return small

@@ -210,3 +210,18 @@ def test_an_overdamped_oscillator_creeps_to_its_stop_and_stays(c, load):
     assert motion.status is MotionStatus.DURATION_REACHED and motion.kinds[-1] == EventKind.STICK.value
     assert motion.stop_events.times[0] == pytest.approx(first, rel=1e-16 / (load - 1.0) + 1e-14)
     np.testing.assert_allclose(motion.final, [1.0, 0.0], rtol=1e-15, atol=0.0)
+
+
+@pytest.mark.parametrize("c", [4e4, 4e6, 1e8, 4e8, 4e10, 4e13, 4e16])
+@pytest.mark.parametrize("load", [0.0, 2.0])
+def test_an_elastic_stop_with_a_damper_ends_to_bounce(c, load):
+    """Each bounce is slower than the one before. Oracle: after one at the speed F/c, the distance is F/c^2 (2 (1 - exp(-s)) - s) at s = c t,
+    and the speed of the next one F/c (s - 1). Where bounces are below rounding, the load or the spring presses the mass on the stop."""
+    system = ImpactSystem([[1.0]], [[c]], [[1.0]], (Stop((1.0,), upper=load - 1.0, restitution=1.0),))
+    motion = simulate(system, [load - 1.5], [0.0], 60.0 * c, 1000, forces=Constant([load]))
+    assert motion.status is MotionStatus.DURATION_REACHED and motion.kinds[-1] == EventKind.STICK.value
+    assert motion.impacts < 1000 and motion.balance_error <= 1e-13
+    np.testing.assert_allclose(motion.final, [load - 1.0, 0.0], rtol=1e-15, atol=0.0)
+    if c <= 4e4:
+        next_one = float(mpmath.findroot(lambda s: 2 * (1 - mpmath.exp(-s)) - s, 1.6)) - 1.0
+        assert motion.speeds[2] == pytest.approx(next_one * motion.speeds[1], rel=1e-5)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import mpmath
 import numpy as np
 import pytest
 import scipy.linalg
 
 import bvp.kernels.multipoint as entry
 from bvp.forced import ForcedProblem
+from bvp.kernels.extrema import TIE
 from bvp.kernels.loaded_paths import forced_observe
 from bvp.parameters import ParametricSystem
 from saltus.scene import load_scene
@@ -147,3 +149,49 @@ def test_a_flight_that_hardly_leaves_its_stop(duration):
     problem = ForcedProblem(load_scene("bouncing_ball", e=0.0, Gamma=1.0).parametric, ["-="], ["Gamma"])
     held, free = [0.0, 0.0, 0.25, 1.0, 2.0 * np.pi], [0.0, 0.0, 1.25, 1.0, duration]
     assert abs(observed(problem, np.array(held + free))) < 1e-15
+
+
+def overdamped_turns(c, start, w, duration):
+    """Values x at the turning points of x'' + c x' + x = 0.3 + cos w t, from (x, x'), with 50 digits and its two rates apart."""
+    c, x, v, w = (mpmath.mpf(value) for value in (c, *start, w))
+    rates = [-c / 2 - mpmath.sqrt(c * c / 4 - 1), -c / 2 + mpmath.sqrt(c * c / 4 - 1)]
+    load = 1 / (1 - w * w + 1j * c * w)
+    x, v = x - mpmath.mpf("0.3") - load.real, v - (1j * w * load).real
+    parts = [(v - rates[1] * x) / (rates[0] - rates[1]), (rates[0] * x - v) / (rates[0] - rates[1])]
+
+    def path(t, order):
+        free = mpmath.fsum(part * rate**order * mpmath.exp(rate * t) for part, rate in zip(parts, rates, strict=True))
+        return free + ((1j * w) ** order * load * mpmath.expj(w * t)).real
+
+    grid = np.unique(np.concatenate([[0.0], np.geomspace(1e-3 / float(c), duration, 400), np.linspace(0.0, duration, 100)[1:]]))
+    speeds = [path(t, 1) for t in grid.tolist()]
+    zeros = [
+        mpmath.findroot(lambda t: path(t, 1), (grid[i], grid[i + 1]), solver="anderson", tol=1e-70)
+        for i in range(len(grid) - 1)
+        if speeds[i] * speeds[i + 1] < 0
+    ]
+    return [mpmath.mpf("0.3") + path(t, 0) for t in zeros], mpmath.mpf("0.3") + path(mpmath.mpf(duration), 0), speeds[-1]
+
+
+@pytest.mark.parametrize("c", [4.0, 400.0, 4e4, 4e6, 4e8, 4e10, 4e13])
+def test_no_touch_of_an_overdamped_flight_is_lost(c):
+    """Oracle: `overdamped_turns`, for a stop a little above and below the highest peak of flights with all of the fast motion in them."""
+    parametric = ParametricSystem.from_description(
+        {
+            "parameters": {"d": 1.0, "w": 0.7},
+            "system": {"mass": [[1.0]], "damping": [[c]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": "d", "restitution": 0.8}]},
+            "forces": [{"load": [1.0], "amplitude": 1.0, "harmonic": 1}, {"load": [1.0], "constant": 0.3}],
+        }
+    )
+    random, peaks = np.random.RandomState(3), 0
+    for start in np.column_stack([random.uniform(-1.0, 1.0, 12), random.choice([1.0, c, 1.0 / c], 12) * random.normal(size=12)]).tolist():
+        problem = ForcedProblem(parametric, [], ["d"])
+        with mpmath.workdps(50):
+            turns, end, speed = overdamped_turns(c, start, 0.7, 2.0 * np.pi / 0.7)
+            turns = [x for x in turns] + ([end] if speed >= 0 >= start[1] else [])
+            for part in (1e-12, -1e-12) if turns else ():
+                d = float(max(turns)) + part
+                found = observed(problem, problem.pack([start], [0.0], [d]))
+                assert found == pytest.approx(float(d - max(turns)), abs=TIE), (start, part)
+                peaks += 1
+    assert peaks >= 8
