@@ -183,14 +183,12 @@ class ContactModeTable:
 
     def __init__(self, system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> None:
         self.system, self.forcing, self.terms = system, forcing, terms
-        self.modes = {0: self._mode(0)}
-
-    def _mode(self, sticking: int) -> dict[str, np.ndarray]:
-        return contact_mode_of(self.system, sticking, self.forcing, self.terms)
+        self.modes: dict[int, dict[str, np.ndarray]] = {}
+        self.add(0)
 
     def add(self, sticking: int) -> None:
         """Add the contact mode in which the contacts of the bit set `sticking` stick."""
-        self.modes[sticking] = self._mode(sticking)
+        self.modes[sticking] = contact_mode_of(self.system, sticking, self.forcing, self.terms)
         self.__dict__.pop("stacked", None)
 
     def entered(self, sticking: int, x: np.ndarray) -> np.ndarray:
@@ -242,7 +240,6 @@ PARTICULAR_LIMIT = 30.0
 """Largest size of a particular solution that is split off, relative to the gaps and to the response far from resonance. A larger one would
 lose digits in the difference z - X y."""
 
-
 Group = list[tuple[int, np.ndarray]]
 """Loads with the factors (2, 2) by which they act, as of `_groups`."""
 
@@ -275,11 +272,9 @@ def join(
     pieces: list[tuple[list[int], np.ndarray, np.ndarray, list[Group], list[np.ndarray], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
     pace = _pace(system, frequency)
+    whole = [[i, j] if j >= 0 else list(range(i, i - j)) for i, j in blocks.pairs]
     # A part of a block: its indices, the part's coordinates as columns and the rows that give them, and whether it is a fast rate.
-    todo: list[tuple[list[int], np.ndarray, np.ndarray, bool]] = []
-    for i, j in reversed(blocks.pairs):
-        index = [i, j] if j >= 0 else list(range(i, i - j))
-        todo.append((index, np.eye(len(index)), np.eye(len(index)), False))
+    todo = [(index, np.eye(len(index)), np.eye(len(index)), False) for index in reversed(whole)]
     while todo:
         index, columns, rows, fast = todo.pop()
         own = rows @ blocks.matrix[np.ix_(index, index)] @ columns
@@ -295,7 +290,7 @@ def join(
                     particular[np.ix_(index, [2 * g, 2 * g + 1])] += columns @ solution
                     continue
             joined.append(g)
-        apart = _rates_apart(own, pace) if joined else None
+        apart = _rates_apart(own, pace) if joined and len(own) == 2 else None
         if apart is not None:
             particular[index] = 0.0
             todo += [(index, apart[0][:, r : r + 1], apart[1][r : r + 1], r == 1) for r in range(2)]
@@ -320,16 +315,14 @@ def join(
             joint[: len(own), at] = drive / units[k]
             joint[at, at] = generator
         pieces.append((index, columns, rows, groups, units, joint))
-    none = np.zeros((0, 0))
-    pieces += [([], none, none, [[(g, np.eye(2))]], [np.ones(2)], _generator(frequency[g])) for g in range(count)]
-    plain = not count
+    pieces += [([], np.eye(0), np.eye(0), [[(g, np.eye(2))]], [np.ones(2)], _generator(frequency[g])) for g in range(count)]
     size = sum(len(piece[-1]) for piece in pieces)
     matrix, inside = np.zeros((size, size)), np.zeros((2 * m, size))
     states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
     pairs, load_states, start = [], [], 0
     for index, columns, rows, groups, units, joint in pieces:
         width, size = len(joint), len(rows)
-        place = index if plain else list(range(start, start + width))
+        place = list(range(start, start + width)) if count else index
         pairs.append((place[0], place[1] if width == 2 else -width))
         matrix[np.ix_(place, place)] = joint
         inside[np.ix_(index, place[:size])] = columns
@@ -378,10 +371,8 @@ def _groups(joined: list[int], frequency: np.ndarray, drives: list[np.ndarray]) 
 
 
 def _rates_apart(block: np.ndarray, pace: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """The vectors of the slow and the fast rate of a block, as columns, and their inverse; None where no real rate is fast beside the
+    """The vectors of the slow and the fast rate of a 2 x 2 block, as columns, and their inverse; None where no real rate is fast beside the
     other and beside the pace."""
-    if len(block) != 2:
-        return None
     (a, b), (c, d) = block
     mean, product = 0.5 * (a + d), a * d - b * c
     if not (2.0 * abs(product) < mean * mean and abs(mean) > PARTICULAR_LIMIT * pace):

@@ -107,12 +107,8 @@ class CurveEdge(NamedTuple):
 
 def curve_edges(catalogue: CatalogueStore, id: str | None = None) -> list[CurveEdge]:
     """The curves as edges, or those at one family, in order of the curves' ids: see `edges_of`."""
-    found = []
-    for row in catalogue.curve_rows():
-        for edge in edges_of(catalogue, row):
-            if id is None or id in (edge.source, edge.target):
-                found.append(CurveEdge(row, edge))
-    return found
+    edges = (CurveEdge(row, edge) for row in catalogue.curve_rows() for edge in edges_of(catalogue, row))
+    return [found for found in edges if id is None or id in (found.edge.source, found.edge.target)]
 
 
 def edges_of(catalogue: CatalogueStore, row: CurveRow) -> Iterator[Edge]:

@@ -418,10 +418,8 @@ def difference(one: Mapping[str, Any], other: Mapping[str, Any]) -> str | None:
     >>> difference({"mass": [[1.0]]}, {"mass": [[1.0]]})
     """
     mine, theirs = dict(_leaves(one)), dict(_leaves(other))
-    differences = []
-    for key in dict.fromkeys([*mine, *theirs]):
-        if mine.get(key) != theirs.get(key):
-            differences.append(f"{key} is {_value(mine.get(key))}, not {_value(theirs.get(key))}")
+    changed = [key for key in dict.fromkeys([*mine, *theirs]) if mine.get(key) != theirs.get(key)]
+    differences = [f"{key} is {_value(mine.get(key))}, not {_value(theirs.get(key))}" for key in changed]
     if len(differences) > 3:
         differences = [*differences[:3], f"and {len(differences) - 3} more"]
     return ", ".join(differences) or None

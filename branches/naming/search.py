@@ -41,10 +41,8 @@ LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
 """Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
 inner impact up to four (at least one). Each level is finer; the search ends at the first that finds the name."""
 
-
 SMOOTH_LEVELS = ((0.3, 96, 0.1), (0.3, 96, 0.4), (0.15, 384, 1.0))
 """The same for systems with smooth forces, and the part of the longest quarter period."""
-
 
 MORE = 2
 """Half-waves beyond those of a label to which its motions are searched: orbits with other labels are named as the nearest ones."""

@@ -16,7 +16,7 @@ import numpy as np
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.extrema import INSTANT, TIE, Observed, clearance, nearer, nearest_turn, note_contact, slack_of, tie_of
-from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot, set_1, set_2, times_matrix
+from bvp.kernels.flight import Flight, flow_state, growth_rate, inner, row_dot, set_1, set_2, times_matrix
 from bvp.kernels.forced import motion_size, refresh
 from bvp.kernels.forced_sticking import (
     add_modal,
@@ -148,13 +148,14 @@ def extend_linear_flight(flight, gaps, extended):
     blocks = free.pairs.shape[0]
     room = pairs.shape[0] > blocks + harmonics
     set_2(matrix, 0.0)
+    set_1(mean, 0.0)
+    set_1(delta, 0.0)
+    copies[:] = -1
     at = 0
     count = 0
     for k in range(blocks):
         i = free.pairs[k, 0]
         j = free.pairs[k, 1]
-        for h in range(harmonics):
-            copies[h, k] = -1
         if k > 0 and i == free.pairs[k - 1, 0]:  # the same block again, to fill the room for blocks
             continue
         size = 2 if j >= 0 else -j
@@ -218,20 +219,16 @@ def extend_linear_flight(flight, gaps, extended):
         else:
             pairs[count, 1] = first - at
             mean[count] = size * free.mean[k] / (at - first)
-            delta[count] = 0.0
         count += 1
         while room and at < first + size + 2 * harmonics:
             pairs[count, 0] = at
             pairs[count, 1] = -1
-            mean[count] = 0.0
-            delta[count] = 0.0
             at += 1
             count += 1
     for h in range(harmonics):
         nu = loads.harmonics[h] * loads.clock[0]
         pairs[count, 0] = at
         pairs[count, 1] = at + 1
-        mean[count] = 0.0
         delta[count] = -nu * nu
         matrix[at, at + 1] = -nu
         matrix[at + 1, at] = nu
@@ -241,8 +238,6 @@ def extend_linear_flight(flight, gaps, extended):
         # Room that no block needs: the last state, which stays 0.
         pairs[count, 0] = matrix.shape[0] - 1
         pairs[count, 1] = -1
-        mean[count] = 0.0
-        delta[count] = 0.0
         count += 1
     n = gaps.shape[1]
     extended.last[0] = at - 2 * harmonics
@@ -300,19 +295,13 @@ def linear_extended_state(flight, node, extended):
 def rates_of(flight):
     """How fast the bounds of a flight's states grow, and how fast states can decay."""
     pairs, mean, delta, matrix = flight
-    growth = 0.0
+    _, growth = growth_rate(flight)
     decay = 0.0
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
-        j = pairs[k, 1]
-        if j < -1:
-            growth = max(growth, block_growth(matrix, i, -j))
-            for r in range(i, i - j):
-                decay = max(decay, -matrix[r, r])
-        else:
-            width = math.sqrt(delta[k]) if j >= 0 and delta[k] > 0.0 else 0.0
-            growth = max(growth, mean[k] + width)
-            decay = max(decay, width - mean[k])
+        for r in range(i, i - pairs[k, 1]):
+            decay = max(decay, -matrix[r, r])
+        decay = max(decay, (math.sqrt(delta[k]) if delta[k] > 0.0 else 0.0) - mean[k])
     return growth, decay
 
 

@@ -149,14 +149,12 @@ def _single_response(rate, nu, t):
 
 @allocating
 def _block_integral(matrix, start, size, nu, t, psi):
-    """Psi of a larger block by Gauss's rule."""
+    """Psi of a larger block by Gauss's rule, added to zeros."""
     norm = 0.0
     for r in range(start, start + size):
         row = 0.0
         for c in range(start, start + size):
             row += abs(matrix[r, c])
-            for part in range(4):
-                psi[part, r, c] = 0.0
         norm = max(norm, row)
     panels, width = _panels(norm + nu, t)
     for panel in range(panels):
@@ -199,29 +197,15 @@ def load_response(flight, nu, t, psi):
             a, c, a_nu, c_nu = _integral(m, square, determinant, nu, t)
         else:
             a, c, a_nu, c_nu = _closed_form(m, square, determinant, nu, t)
-        psi[0, i, i] = a.real
-        psi[1, i, i] = a.imag
-        psi[2, i, i] = a_nu.real
-        psi[3, i, i] = a_nu.imag
-        if j >= 0:
-            upper = other - matrix[j, j]
-            lower = other - matrix[i, i]
-            psi[0, i, i] += c.real * upper
-            psi[1, i, i] += c.imag * upper
-            psi[2, i, i] += c_nu.real * upper
-            psi[3, i, i] += c_nu.imag * upper
-            psi[0, j, j] = a.real + c.real * lower
-            psi[1, j, j] = a.imag + c.imag * lower
-            psi[2, j, j] = a_nu.real + c_nu.real * lower
-            psi[3, j, j] = a_nu.imag + c_nu.imag * lower
-            psi[0, i, j] = c.real * matrix[i, j]
-            psi[1, i, j] = c.imag * matrix[i, j]
-            psi[2, i, j] = c_nu.real * matrix[i, j]
-            psi[3, i, j] = c_nu.imag * matrix[i, j]
-            psi[0, j, i] = c.real * matrix[j, i]
-            psi[1, j, i] = c.imag * matrix[j, i]
-            psi[2, j, i] = c_nu.real * matrix[j, i]
-            psi[3, j, i] = c_nu.imag * matrix[j, i]
+        parts = (a.real, a.imag, a_nu.real, a_nu.imag)
+        factors = (c.real, c.imag, c_nu.real, c_nu.imag)
+        for part in range(4):
+            psi[part, i, i] = parts[part]
+            if j >= 0:
+                psi[part, i, i] += factors[part] * (other - matrix[j, j])
+                psi[part, j, j] = parts[part] + factors[part] * (other - matrix[i, i])
+                psi[part, i, j] = factors[part] * matrix[i, j]
+                psi[part, j, i] = factors[part] * matrix[j, i]
 
 
 @inlined

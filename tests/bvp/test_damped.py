@@ -215,8 +215,8 @@ def test_an_overdamped_oscillator_creeps_to_its_stop_and_stays(c, load):
 @pytest.mark.parametrize("c", [4e4, 4e6, 1e8, 4e8, 4e10, 4e13, 4e16])
 @pytest.mark.parametrize("load", [0.0, 2.0])
 def test_an_elastic_stop_with_a_damper_ends_to_bounce(c, load):
-    """Each bounce is slower than the one before. Oracle: after one at the speed F/c, the distance is F/c^2 (2 (1 - exp(-s)) - s) at s = c t,
-    and the speed of the next one F/c (s - 1). Where bounces are below rounding, the load or the spring presses the mass on the stop."""
+    """Each bounce is slower than the one before. Oracle: after one at the speed F/c the distance is F/c^2 (2 (1 - exp(-s)) - s), s = c t.
+    The speed of the next one is F/c (s - 1). Where bounces are below rounding, the load or the spring presses the mass on the stop."""
     system = ImpactSystem([[1.0]], [[c]], [[1.0]], (Stop((1.0,), upper=load - 1.0, restitution=1.0),))
     motion = simulate(system, [load - 1.5], [0.0], 60.0 * c, 1000, forces=Constant([load]))
     assert motion.status is MotionStatus.DURATION_REACHED and motion.kinds[-1] == EventKind.STICK.value

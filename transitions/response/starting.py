@@ -32,10 +32,8 @@ _SAME = 1e-6
 _RESONANT = 1e-9
 """Distance of a multiplier of free motion from 1 below which the response is unbounded."""
 
-
 _PERIODS = (1, 3, 10, 30, 100, 300, 1000)
 """Periods of the motion from rest after which Newton's method begins."""
-
 
 _SUMMED = 0.3
 """Largest duration of the bounces that are summed, times the fastest rate: those before are impacts of their own."""
@@ -178,9 +176,6 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
         raise NoOrbit(f"{settled.text}; orbits of what can drift are not followed: expected coordinates between the bodies, as of a gap")
     try:
         nodes = nodes_of(path, settled)
-    except EndsError as error:
-        raise NoOrbit(f"{settled.text}; {error}") from error
-    try:
         problem = path.problem(nodes.symbols, load_periods=settled.period)
     except EndsError as error:
         raise NoOrbit(f"{settled.text}; {error}") from error
@@ -213,9 +208,7 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
         return Periodic(problem, solution.y, 0.0)  # the motion decays to rest, but is never near it beside its own size
     if not decays and not distance < _SAME * max(1.0, settled.distance / 1e-9):
         raise NoOrbit(f"{settled.text}; the orbit found there is {distance:.1e} of its size away from it")
-    symmetric = half_of(problem, solution.y)
-    if symmetric is not None:
-        return Periodic(symmetric[0], symmetric[1].y, distance)
+    problem, solution = half_of(problem, solution.y) or (problem, solution)
     return Periodic(problem, solution.y, distance)
 
 
