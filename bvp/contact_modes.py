@@ -183,12 +183,14 @@ class ContactModeTable:
 
     def __init__(self, system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> None:
         self.system, self.forcing, self.terms = system, forcing, terms
-        self.modes: dict[int, dict[str, np.ndarray]] = {}
-        self.add(0)
+        self.modes = {0: self._mode(0)}
+
+    def _mode(self, sticking: int) -> dict[str, np.ndarray]:
+        return contact_mode_of(self.system, sticking, self.forcing, self.terms)
 
     def add(self, sticking: int) -> None:
         """Add the contact mode in which the contacts of the bit set `sticking` stick."""
-        self.modes[sticking] = contact_mode_of(self.system, sticking, self.forcing, self.terms)
+        self.modes[sticking] = self._mode(sticking)
         self.__dict__.pop("stacked", None)
 
     def entered(self, sticking: int, x: np.ndarray) -> np.ndarray:

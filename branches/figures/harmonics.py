@@ -20,7 +20,6 @@ _DECADES = 8
 _DASHES = ("-", "--", ":", "-.")
 """Of the harmonics beyond the colours."""
 
-
 COLUMNS = 6
 """Columns of a layout with these panels: one, two or three panels in a row have equal parts of it."""
 

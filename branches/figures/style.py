@@ -50,7 +50,6 @@ EVENT_LOOKS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 """The markers of the types of special points for matplotlib, with their texts in the legend."""
 
-
 _SETTINGS: dict[str, Any] = {
     "font.family": "STIXGeneral",  # comes with matplotlib: the same letters on every machine
     "mathtext.fontset": "stix",

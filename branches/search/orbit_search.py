@@ -47,7 +47,6 @@ STAGES = (
 )  # fmt: skip
 """Keys of `Discovery.counts`."""
 
-
 SAME_STATE = 1e-8
 """Largest difference of the states of two solutions that are one orbit, relative to their size."""
 
