@@ -187,7 +187,7 @@ def load_response(flight, nu, t, psi):
         distance, size, determinant = off_resonance(flight, k, nu)
         m, square = mean[k], delta[k] if j >= 0 else 0.0
         other = m
-        if m != 0.0 and square * t * t > APART_LIMIT:
+        if m < 0.0 < determinant and square * t * t > APART_LIMIT:
             # Psi = far + (near - far)/(slow - fast) (B - fast): what is small beside the slow motion keeps its digits.
             fast, other = real_rates(m, square, determinant)
             a, a_nu = _single_response(fast, nu, t)
