@@ -158,8 +158,11 @@ class Family(SolvedFamily):
         targets = np.array(self._targets, dtype=float)
         return WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), targets, address, self._work)
 
-    _advance_block = staticmethod(advance_block)
-    _narrow_bracket = staticmethod(narrow_bracket)
+    def _advance_block(self, *arguments: Any) -> Any:
+        return advance_block(*arguments)
+
+    def _narrow_bracket(self, *arguments: Any) -> Any:
+        return narrow_bracket(*arguments)
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
         """See `continuation.Problem`. One compiled call takes the step and computes the test functions."""

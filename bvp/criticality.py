@@ -97,9 +97,9 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
     if code == "NS" and angle is None:
         angle = _angle(problem, y)
     wanted = complex(1.0) if code == "SN" else complex(-1.0) if angle is None or code != "NS" else cmath.exp(1j * angle)
-    if np.sum(np.abs(problem.multipliers(y) - wanted) < _SEVERAL) > 1 and problem.has_clock:
-        raise ValueError("several multipliers are there: the normal form has a coefficient of each product of their directions")
     equations = _OrbitEquations(problem, np.asarray(y, dtype=float))
+    if problem.has_clock and np.sum(np.abs(problem.multipliers(y) - wanted) < _SEVERAL) > 1 and equations.has_several(wanted):
+        raise ValueError("several multipliers are there: the normal form has a coefficient of each product of their directions")
     coefficient, error = equations.coefficient(code, wanted)
     # The orbit is near the bifurcation: its own multiplier gives another coefficient.
     nearby, _ = equations.coefficient(code, equations.multiplier(wanted))
@@ -196,6 +196,11 @@ class _OrbitEquations:
         """T(lambda)."""
         found: np.ndarray = self.equations.matrix - multiplier * self.equations.feedback
         return found.real if multiplier.imag == 0.0 else found
+
+    def has_several(self, multiplier: complex) -> bool:
+        """Whether T(lambda) has several null vectors; at a 1:1 resonance it has one."""
+        values = np.linalg.svd(self.transfer(multiplier), compute_uv=False)
+        return bool(values[-2] < _SEVERAL * values[0])
 
     def null(self, multiplier: complex) -> tuple[np.ndarray, np.ndarray]:
         """The vectors p and q."""

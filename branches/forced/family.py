@@ -122,8 +122,11 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         """The problem that a solution belongs to, with it."""
         return self.problem, solution
 
-    _advance_block = staticmethod(advance_forced_block)
-    _narrow_bracket = staticmethod(narrow_forced_bracket)
+    def _advance_block(self, *arguments: Any) -> Any:
+        return advance_forced_block(*arguments)
+
+    def _narrow_bracket(self, *arguments: Any) -> Any:
+        return narrow_forced_bracket(*arguments)
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None or not is_orbit(solution.result):

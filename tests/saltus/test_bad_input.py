@@ -155,8 +155,8 @@ CASES = [
     ("continue S13O00+ --scene {uneven}", ["S13O00+ starts at the origin", "equal gaps", "from -1 to 0.5;", "the id of a", "saltus build"]),
     ("continue S13O00+ --scene {bent}", ["S13O00+ has impacts, and this system has no stops"]),
     ("continue S13+ --scene {bent}", ["S13+ starts at the origin", "force is not odd; expected saltus continue --from mode:K"]),
-    ("continue rest-rest::dd737b71 --scene {bent}", ["no odd symmetry", "saltus continue --from mode:K and saltus build"]),
-    ("continue periodic:++:dd737b71 --scene {bent}", ["without a reversal", "smooth forces", "--catalogue FILE", "--from FILE:EVENT,ID"]),
+    ("continue rest-rest::dd737b71 --scene {bent}", ["with smooth forces", "from the origin", "--catalogue FILE", "--from FILE:EVENT,ID"]),
+    ("continue periodic:++:dd737b71 --scene {bent}", ["with smooth forces", "from the origin", "--catalogue FILE", "--from FILE:EVENT,ID"]),
     ("continue rest-rest:+:dc2855cb --scene {one_sided}", ["two degrees of freedom", "this system has 1", "--catalogue FILE"]),
     # loads that a command does not use
     ("continue S13O00+ --scene {forced}", ["saltus continue", "without loads", "[[forces]]", "saltus run"]),
