@@ -371,10 +371,14 @@ def _held(problem: ForcedProblem, at: dict[str, float], stop: int, side: float, 
 
 def _zero(function: Callable[[float], float], start: float, unit: float) -> float:
     """Zero of a function near a start, by secants."""
-    from scipy.optimize import newton
-
     unit = abs(unit or start)
-    value = float(newton(function, start, x1=start + _PROBE * unit, tol=4.0 * np.finfo(float).eps * unit, maxiter=_ROUNDS, disp=False))
-    if not abs(function(value)) < BEYOND:
+    old, value = start, start + _PROBE * unit
+    before, here = function(old), function(value)
+    for _ in range(_ROUNDS):
+        if here == before or abs(value - old) <= 4.0 * np.finfo(float).eps * unit:
+            break
+        old, before, value = value, here, value - here * (value - old) / (here - before)
+        here = function(value)
+    if not abs(here) < BEYOND:
         raise NotConverged("the contact force does not vanish")
     return value
