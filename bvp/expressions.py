@@ -54,13 +54,14 @@ def is_plain(name: str) -> bool:
 
 def normalised(text: str) -> str:
     """Return text in the one form that equal letters have (NFKC). Systems type a letter with an accent as one character or as two.
+    Text with a raised or lowered digit stays as it is: x\u00b2 is not x2.
 
     Examples
     --------
-    >>> normalised("u\u0301") == "\u00fa", normalised("\u00b5") == "\u03bc"
-    (True, True)
+    >>> normalised("u\u0301") == "\u00fa", normalised("\u00b5") == "\u03bc", normalised("x\u00b2") == "x2"
+    (True, True, False)
     """
-    return unicodedata.normalize("NFKC", text)
+    return text if any(unicodedata.category(letter) == "No" for letter in text) else unicodedata.normalize("NFKC", text)
 
 
 def parsed(

@@ -247,6 +247,10 @@ CASES = [
     ("section --energy 2,1 --panels", ["'2,1'", "rising"]),
     ("section --energy 1 --colour rotatoin", ["'rotatoin'", "nearest: rotation"]),
     ("section --energy 1 --colour rotation --rho 0.7", ["restitution 0.7", "--colour lyapunov"]),
+    (
+        "continue --scene damped_impact_oscillator --from rest --in w,A --range 0.5:1 --keep A=0.02*w²",
+        ["--keep", "0.02*w²", "not an expression at character 7"],
+    ),
     ("section --energy 1 --colour energy", ["--colour energy", "keeps its energy", "lyapunov or rotation"]),
     ("section --energy 1 --names 3", ["--names needs --plot FILE and --catalogue FILE"]),
     ("section --energy 1 --about 0,0", ["--about", "--colour rotation"]),
