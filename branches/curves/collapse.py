@@ -29,7 +29,7 @@ from bvp.released import ReleasedProblem
 __all__ = ["with_collapsed_ends"]
 
 _ROOT = 1.5e-8
-"""The root of rounding, to which the equations of the wider orbits determine the point."""
+"""The root of rounding, to which the equations of the wider orbits determine the point; the bracket of its event can be wider."""
 
 _BLURRED = 1e-4
 """Difference of an orbit and its image, or part of a segment between a touch and an end, below which events are rounding."""
@@ -138,7 +138,8 @@ def _collapse(curve: BifurcationCurve, last: bool, follow: Follow) -> _End | Non
     distance, event = min(found, key=lambda one: one[0], default=(math.inf, None))
     # The orbits part from their image as the root of the distance from a doubling. On a grazing they do in proportion to that from its end.
     reach = narrow.apart if near and curve.grazing is not None else narrow.apart**2
-    if event is None or not distance <= _REACH * reach + _ROOT:
+    rounding = _ROOT + (0.0 if singular is None else singular.bracket[1] - singular.bracket[0])
+    if event is None or not distance <= _REACH * reach + rounding:
         return None
     rows = unknowns[::-1] if last else unknowns
     blurred = next((k for k, y in enumerate(rows) if not apart_from_single(*without_grazing(curve, y)) < _BLURRED), len(curve))
