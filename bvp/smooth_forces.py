@@ -514,15 +514,11 @@ def _not_smooth(what: str, part: str) -> InvalidSystem:
     return InvalidSystem(f"{what} is not smooth, in {part}; {expected}")
 
 
-def _is_input(symbol: Any) -> bool:
-    return symbol.name.startswith("@")
-
-
 def _at_rest(expression: Any, place: str) -> Any:
     """An expression where all inputs are 0."""
     import sympy
 
-    value = expression.xreplace({symbol: sympy.Integer(0) for symbol in expression.free_symbols if _is_input(symbol)})
+    value = expression.xreplace({symbol: sympy.Integer(0) for symbol in expression.free_symbols if symbol.name.startswith("@")})
     if value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I):
         raise InvalidSystem(f"the force of {place} or its derivative is not finite at rest, where all coordinates are 0")
     return value

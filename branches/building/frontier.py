@@ -67,7 +67,7 @@ class Frontier(Generic[Seed, Result]):
         self,
         executor: Executor,
         work: Callable[[Any], Result],
-        known: Callable[[Seed], bool],
+        known: Callable[[Seed], object],
         ahead: int,
         kin: Callable[[Seed], Hashable] = lambda seed: None,
         handed: Callable[[Seed], Any] = lambda seed: seed,

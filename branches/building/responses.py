@@ -255,7 +255,7 @@ class _Build:
         self.count = 0
         description = json.dumps(self.catalogue.scene.system)
         self.frontier: Frontier[_Piece, _Answer] = Frontier(
-            self.executor, partial(follow_seed, description, self.plan.points), self._is_known, AHEAD * self.workers,
+            self.executor, partial(follow_seed, description, self.plan.points), self._known_family, AHEAD * self.workers,
             handed=lambda piece: piece.seed,
         )  # fmt: skip
 
@@ -338,15 +338,12 @@ class _Build:
         if event:
             self.met[id, event] = None
 
-    def _is_known(self, piece: _Piece) -> bool:
-        return self._known_family(piece) is not None
-
     def _known_family(self, piece: _Piece) -> str | None:
         """The id of the family of a seed, if it was followed as far as from there; None if it was not."""
         link, depths = piece.seed.link, self.report["depths"]
         if link is None:
             return None
-        return self.known.family_at(piece.seed.kind, link.type, link.h, lambda id: depths[id] >= piece.seed.depth)
+        return self.known.family_at(piece.seed.kind, link.type, link.h, fits=lambda id: depths[id] >= piece.seed.depth)
 
     def _take(self, seed: ResponseSeed, answer: _Answer) -> None:
         link = seed.link

@@ -273,7 +273,7 @@ def _edge(catalogue: CatalogueStore, edge: Edge, families: dict[str, _Family], n
     if len(forced) == 2:
         yield from responses.meeting_failures(*forced)
     if len(solved) == 2:
-        apart = distances_from_orbit(*solved[0], [_start(*solved[1])])[0]
+        apart = distances_from_orbit(*solved[0], [solved[1][0].modes.to_state @ solved[1][0].start(solved[1][1])])[0]
         if not apart <= SAME:
             yield f"its two orbits are not the same: they are {apart:.1e} of their size apart"
 
@@ -300,7 +300,3 @@ def _event(family: _Family, side: str, id: str, edge: Edge, source: _Family | No
     size = abs(edge.h) if family.problem is None else max(abs(edge.h), 1.0)
     if not (abs(event.h - edge.h) <= slack * size and (side == "target" or abs(event.alpha / edge.alpha - 1.0) <= slack)):
         yield f"it is at h = {edge.h:.12g}, event {id} of its {side} at h = {event.h:.12g}"
-
-
-def _start(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
-    return problem.modes.to_state @ problem.start(y)

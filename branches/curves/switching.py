@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from branches.curves.single_orbits import Narrow, narrowed, without_grazing
 from branches.curves.starting import CurveStart, NoCurve, curve_start, is_inside
 from branches.forced.primitive import full_period, twice
 from bvp.released import ReleasedProblem
-from continuation.curves import Curve
 
 __all__ = ["curve_through", "single_orbit"]
 
@@ -68,7 +66,8 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
         first = problem.begin(start.y)
         if first.converged and np.abs((first.y[:u] - y) / plane.scales(y)).max() < _NEAR:
             if code == "NS" and abs(first.y[-1]) >= 1.0 - _NEAR:
-                inside = [step for step in _both(problem, first) if step.converged and abs(step.y[-1]) < 1.0]
+                both = [problem.step(first.y, first.tangent, ds) for ds in (1e-3, -1e-3)]
+                inside = [step for step in both if step.converged and abs(step.y[-1]) < 1.0]
                 if not inside:
                     continue
                 first = inside[0]
@@ -118,10 +117,6 @@ _NEAR = 1e-6
 
 _ON_CIRCLE = 1e-4
 """Distance from the unit circle of a double multiplier at a located point, which rounding parts by its root."""
-
-
-def _both(problem: Curve, first: Any) -> list[Any]:
-    return [problem.step(first.y, first.tangent, ds) for ds in (1e-3, -1e-3)]
 
 
 def _angles(multipliers: np.ndarray) -> list[float]:

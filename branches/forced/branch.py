@@ -234,6 +234,10 @@ class ForcedBranch:
         nodes = self._impacts[0]
         return np.array([self.problem.impact_speeds(y)[nodes] for y in self.unknowns]).reshape(len(self), len(nodes))
 
+    def fastest(self, point: int) -> float:
+        """The speed of the fastest impact at a point; 0 without impacts."""
+        return float(np.max(np.abs(self.problem.impact_speeds(self.unknowns[point])), initial=0.0))
+
     @cached_property
     def multipliers(self) -> np.ndarray:
         """All 2n multipliers of the full period at each point, (N, 2n) complex. NaN where an impact grazes. `problem.multipliers` has those

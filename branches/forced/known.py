@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
@@ -16,6 +17,9 @@ __all__ = ["KnownEvents"]
 _SAME = 1e-7
 """Largest difference, beside the value, of the parameter at an event that two families share."""
 
+_SPEED = 1e-3
+"""Largest relative difference of the fastest impact of the orbit there."""
+
 Key = TypeVar("Key")
 
 
@@ -24,21 +28,25 @@ class KnownEvents(Generic[Key]):
     """The events of families that were followed. A family that begins at one of them is known if its orbits have the same period, symmetry
     and impacts. Impacts are the same if they are those of the mirror image, so of two mirror images one is known by the other."""
 
-    _rows: dict[str, list[tuple[float, Key]]] = field(default_factory=dict)
+    _rows: dict[str, list[tuple[float, float, Key]]] = field(default_factory=dict)
 
-    def add(self, problem: ForcedProblem, value: float, key: Key) -> None:
-        """Know a family at a value of its parameter, where it begins."""
-        self._rows.setdefault(kind_of(problem), []).append((value, key))
+    def add(self, problem: ForcedProblem, value: float, speed: float, key: Key) -> None:
+        """Know a family at a value of its parameter, where it begins, and where the fastest impact of the orbit has a speed."""
+        self._rows.setdefault(kind_of(problem), []).append((value, speed, key))
 
     def add_events(self, branch: ForcedBranch, key: Key) -> None:
         """Know a family at all its events at which others begin."""
         for event in branch.events:
             if event.type in SWITCHES:
-                self.add(branch.problem, event.values[branch.name], key)
+                self.add(branch.problem, event.values[branch.name], branch.fastest(event.point), key)
 
-    def family_at(self, kind: str, type: str, value: float, fits: Callable[[Key], bool] = lambda key: True) -> Key | None:
-        """The family of some kind that begins at an event; None if it is not known."""
+    def family_at(
+        self, kind: str, type: str, value: float, speed: float = math.nan, fits: Callable[[Key], bool] = lambda key: True
+    ) -> Key | None:
+        """The family of some kind that begins at an event; None if it is not known. Of parts that do not interact, several families of one
+        kind begin at one value, at orbits with other impacts: the fastest one tells, unless it is not known (nan)."""
         if type == "LB":  # with the other order of its impacts an orbit can have the same sequence, begun at another impact
             return None
         slack = _SAME * max(1.0, abs(value))
-        return next((key for at, key in self._rows.get(kind, ()) if abs(at - value) <= slack and fits(key)), None)
+        near = ((of, key) for at, of, key in self._rows.get(kind, ()) if abs(at - value) <= slack)
+        return next((key for of, key in near if not abs(of - speed) > _SPEED * max(of, speed) and fits(key)), None)

@@ -11,6 +11,7 @@ import pytest
 
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
+from branches.forced.onwards import ResponseStart, follow_onwards, trace_start
 from branches.forced.resequencing import later
 from branches.forced.switching import beside_grazing
 from branches.forced.tracing import follow_response, switch_response
@@ -255,3 +256,14 @@ def test_each_choice_of_impacts_at_stops_that_are_touched_together_is_a_family()
         assert (first.type, last.type) == ("SN", "GR") and last.neighbours == ((behind, False),)
         places = [event.values["F"] for event in branch.events]
         assert places == pytest.approx([fold, math.hypot(1.0 - 1.1**2, 0.11)], rel=1e-12)
+
+
+def test_families_of_the_same_impacts_at_one_grazing_are_all_followed():
+    """Oracle: one oscillator of each restitution: each alone has a family from its fold to all loads, so both together have one, which
+    begins with a fast impact of the first and a slow one of the second. Its sequence is that of the family in which both are slow."""
+    problem = ForcedProblem(alike(1.0, 1.0, restitutions=(0.8, 0.6)), (), ["F"], values={"F": 0.1})
+    start = ResponseStart(problem, problem.pack(np.zeros((1, 4)), np.zeros(1), [0.1]))
+    found = follow_onwards([start], lambda start: trace_start(start, (0.05, 2.0)), through=("GR",))
+    sequences = [(branch.sequence, float(branch.parameter.max())) for branch in found.branches]
+    assert [sequence for sequence, _ in sequences] == ["", "a+", "b+", "b+a+", "a+b+"]
+    assert sequences[-1][1] == pytest.approx(2.0, rel=1e-9) and max(top for _, top in sequences[:-1]) < 0.2371
