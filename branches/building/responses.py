@@ -88,7 +88,7 @@ class ResponseSeed(NamedTuple):
 
     problem: as `branches.forced.record.problem_record` gives it. y: unknowns. tangent: None, or the tangent at a first orbit.
     interval: the family is followed in it. depth: how many events further families are followed from it. link: how it was reached. kind:
-    `branches.forced.primitive.kind_of` its orbits.
+    `branches.forced.primitive.kind_of` its orbits. speed: of the fastest impact of the event's orbit.
     """
 
     problem: dict[str, Any]
@@ -98,6 +98,7 @@ class ResponseSeed(NamedTuple):
     depth: int
     link: Link | None = None
     kind: str = ""
+    speed: float = 0.0
 
 
 class _Answer(NamedTuple):
@@ -112,10 +113,12 @@ class _Answer(NamedTuple):
     images: tuple[str, ...] = ()
 
 
-def seed_of(problem: ForcedProblem, start: Any, interval: tuple[float, float], depth: int, link: Link | None = None) -> ResponseSeed:
-    """The seed of a start: unknowns (u,), or a `continuation.problem.Step` with its tangent."""
+def seed_of(
+    problem: ForcedProblem, start: Any, interval: tuple[float, float], depth: int, link: Link | None = None, speed: float = 0.0
+) -> ResponseSeed:
+    """The seed of a start: unknowns (u,), or a `continuation.problem.Step` with its tangent. The rest: as in `ResponseSeed`."""
     y, tangent = (start, None) if isinstance(start, np.ndarray) else (start.y, tuple(start.tangent.tolist()))
-    return ResponseSeed(problem_record(problem), tuple(y.tolist()), tangent, interval, depth, link, kind_of(problem))
+    return ResponseSeed(problem_record(problem), tuple(y.tolist()), tangent, interval, depth, link, kind_of(problem), speed)
 
 
 def build_responses(
@@ -207,7 +210,7 @@ def _beginning(branch: ForcedBranch, event: ForcedEvent, seed: ResponseSeed) -> 
     seeds = []
     for problem, step in found if event.type in ("GR", "LB") else found[:1]:
         its = replace(link_at(branch, event, joined_sequence(problem.sequence)), there=orbit_of(problem, step.y))
-        seeds.append(seed_of(problem, step, seed.interval, seed.depth - 1, its))
+        seeds.append(seed_of(problem, step, seed.interval, seed.depth - 1, its, branch.fastest(event.point)))
     return seeds, ""
 
 
@@ -343,7 +346,7 @@ class _Build:
         link, depths = piece.seed.link, self.report["depths"]
         if link is None:
             return None
-        return self.known.family_at(piece.seed.kind, link.type, link.h, fits=lambda id: depths[id] >= piece.seed.depth)
+        return self.known.family_at(piece.seed.kind, link.type, link.h, piece.seed.speed, lambda id: depths[id] >= piece.seed.depth)
 
     def _take(self, seed: ResponseSeed, answer: _Answer) -> None:
         link = seed.link

@@ -273,7 +273,8 @@ def _edge(catalogue: CatalogueStore, edge: Edge, families: dict[str, _Family], n
     if len(forced) == 2:
         yield from responses.meeting_failures(*forced)
     if len(solved) == 2:
-        apart = distances_from_orbit(*solved[0], [solved[1][0].modes.to_state @ solved[1][0].start(solved[1][1])])[0]
+        problem, y = solved[1]
+        apart = distances_from_orbit(*solved[0], [problem.modes.to_state @ problem.start(y)])[0]
         if not apart <= SAME:
             yield f"its two orbits are not the same: they are {apart:.1e} of their size apart"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
@@ -40,13 +39,11 @@ class KnownEvents(Generic[Key]):
             if event.type in SWITCHES:
                 self.add(branch.problem, event.values[branch.name], branch.fastest(event.point), key)
 
-    def family_at(
-        self, kind: str, type: str, value: float, speed: float = math.nan, fits: Callable[[Key], bool] = lambda key: True
-    ) -> Key | None:
-        """The family of some kind that begins at an event; None if it is not known. Of parts that do not interact, several families of one
-        kind begin at one value, at orbits with other impacts: the fastest one tells, unless it is not known (nan)."""
+    def family_at(self, kind: str, type: str, value: float, speed: float, fits: Callable[[Key], bool] = lambda key: True) -> Key | None:
+        """The family of some kind that begins at an event, at whose orbit the fastest impact has a speed; None if it is not known. Of parts
+        that do not interact, several families of one kind begin at one value, at orbits with other impacts."""
         if type == "LB":  # with the other order of its impacts an orbit can have the same sequence, begun at another impact
             return None
         slack = _SAME * max(1.0, abs(value))
         near = ((of, key) for at, of, key in self._rows.get(kind, ()) if abs(at - value) <= slack)
-        return next((key for of, key in near if not abs(of - speed) > _SPEED * max(of, speed) and fits(key)), None)
+        return next((key for of, key in near if abs(of - speed) <= _SPEED * max(of, speed) and fits(key)), None)

@@ -70,7 +70,7 @@ def orbits_at_event(branch: Branch, event: BranchEvent, family: str = "") -> tup
     hashed = family.count(":") == 2
     if event.type == "GR":
         y, rising = branch.orbit(event.point).solution.y, leaves_upward(branch, event.point)
-        impacts = impacts_per_period(*split_family_id(family)[1::-1]) if hashed else 0
+        impacts = impacts_per_period(*reversed(split_family_id(family)[:2])) if hashed else 0
         met = meetings_at(branch.problem, y, rising, impacts=impacts, accept=lambda alpha, choice: fits(choice.ends, choice.sequence))
         found = [(item.beside.problem, item.beside.y) for item in met if item.beside is not None]
         reasons = list(dict.fromkeys(item.reason for item in met if item.beside is None))
