@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
     from bvp.multipoint import MultipointProblem, Solution
 
-__all__ = ["BEYOND", "GRAZING", "ForceEvent", "describe_grazing", "force_event", "unphysical"]
+__all__ = ["BEYOND", "GRAZING", "INSTANT", "ForceEvent", "describe_grazing", "force_event", "unphysical"]
 
 BEYOND = 1e-8
 """How far a solution of the equations may lie beyond a grazing, relative to gap, speed and period, and still count as the grazing orbit."""
 
-_INSTANT = 1e-6
+INSTANT = 1e-6
 """Part of the period within which a touch is at an impact."""
 
 _NO_SPEED = 1e-6
@@ -83,7 +83,7 @@ def _vanishing_impact(problem: MultipointProblem | ForcedProblem, node: int) -> 
 
 def _impact_beside(problem: MultipointProblem | ForcedProblem, solution: Solution, letter: str) -> int | None:
     """The impact at the stop that a flight touches, as for `_vanishing_impact`, if the touch is at that end of the flight to rounding."""
-    flight, time, instant = int(solution["clearance_flight"]), float(solution["clearance_time"]), _INSTANT * problem.duration(solution)
+    flight, time, instant = int(solution["clearance_flight"]), float(solution["clearance_time"]), INSTANT * problem.duration(solution)
     nodes = [flight - 1 if flight else problem.inner + 1] if time <= instant else []
     if float(problem.flight_times(solution.y)[flight]) - time <= instant:
         nodes.append(flight)
@@ -128,7 +128,7 @@ def force_event(problem: MultipointProblem | ForcedProblem, solution: Solution) 
         return ForceEvent(letter, "inside", note, f"stop {letter} sticks though it is pulled, {where}")
     plastic = not (event.is_release or event.sticks) and cast("ForcedProblem", problem).restitution(solution.y, event.contact) == 0.0
     # Where this force vanishes, the gap turns just behind the impact.
-    if plastic and modes.contact_stop[event.contact] == stop and time <= _INSTANT * problem.duration(solution):
+    if plastic and modes.contact_stop[event.contact] == stop and time <= INSTANT * problem.duration(solution):
         letter = letters[event.contact]
         note = f"the contact force after the impact at stop {letter} reaches zero: it would stay closed"
         return ForceEvent(letter, "after", note, f"stop {letter} opens after its impact though it is pressed")

@@ -36,11 +36,11 @@ _DIFFERENCES = 1e-6
 """Relative error of derivatives that come from differences."""
 
 _ROUNDS = 8
-_SEVERAL = 1e-6
-"""Distance of two multipliers at a bifurcation that are at one place."""
-
 _CONDITION = 1e3
 """How many roundings the null vectors are known to."""
+
+_SEVERAL = math.sqrt(_CONDITION * EPSILON)
+"""Largest singular value, beside the largest of all, that is zero: a fold of several parts at once is located to the root of rounding."""
 
 
 def shaken(vector: np.ndarray, level: float) -> np.ndarray:
@@ -98,7 +98,7 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
         angle = _angle(problem, y)
     wanted = complex(1.0) if code == "SN" else complex(-1.0) if angle is None or code != "NS" else cmath.exp(1j * angle)
     equations = _OrbitEquations(problem, np.asarray(y, dtype=float))
-    if problem.has_clock and np.sum(np.abs(problem.multipliers(y) - wanted) < _SEVERAL) > 1 and equations.has_several(wanted):
+    if problem.has_clock and equations.has_several(wanted):
         raise ValueError("several multipliers are there: the normal form has a coefficient of each product of their directions")
     coefficient, error = equations.coefficient(code, wanted)
     # The orbit is near the bifurcation: its own multiplier gives another coefficient.
@@ -198,9 +198,10 @@ class _OrbitEquations:
         return found.real if multiplier.imag == 0.0 else found
 
     def has_several(self, multiplier: complex) -> bool:
-        """Whether T(lambda) has several null vectors; at a 1:1 resonance it has one."""
-        values = np.linalg.svd(self.transfer(multiplier), compute_uv=False)
-        return bool(values[-2] < _SEVERAL * values[0])
+        """Whether T(lambda) has several null vectors; a 1:1 resonance has one, a large multiplier makes others small."""
+        left, values, right = np.linalg.svd(self.transfer(multiplier))
+        feedback = left[:, -2:].conj().T @ self.equations.feedback @ right[-2:].conj().T
+        return bool(values[-2] < min(_SEVERAL * values[0], 1e-3 * np.linalg.norm(feedback, -2)))
 
     def null(self, multiplier: complex) -> tuple[np.ndarray, np.ndarray]:
         """The vectors p and q."""

@@ -49,11 +49,9 @@ def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
     count, size, doubled = len(problem.sequence) // 2, 2 * problem.degrees_of_freedom, sign > 0.0
     values, first = problem.parameters(y), problem.sequence[:count]
     nodes, times = problem.nodes(y), problem.flight_times(y)
+    closure: dict[str, int] = {"load_periods": problem.load_periods // 2} if doubled else {"half": True}
     try:
-        if doubled:
-            single = problem.sibling(first, load_periods=problem.load_periods // 2, values=values)
-        else:
-            single = problem.sibling(first, half=True, values=values)
+        single = problem.sibling(first, values=values, **closure)
     except ValueError:
         return None
     states = 0.5 * (nodes[:count, :size] + sign * nodes[count:, :size])

@@ -124,10 +124,9 @@ def without_moment(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem
         if moment.begin + moment.length <= len(problem.events):
             break
         problem, y = later(problem, y)
-        turned = _moment(problem, y)
-        if turned is None:
+        moment = _moment(problem, y)
+        if moment is None:
             return None
-        moment = turned
     nodes, times, size = problem.nodes(y), problem.flight_times(y).copy(), 2 * problem.degrees_of_freedom
     end = moment.begin + moment.length
     if end > len(nodes):

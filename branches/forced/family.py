@@ -17,7 +17,8 @@ from branches.admissible import GRAZING, describe_grazing
 from branches.first_orbits import is_denied
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests, narrow_forced_bracket
-from branches.forced.primitive import apart_from_image, full_period, half_later, image_sign, later_sign, twice
+from branches.forced.primitive import SAME, apart_from_image, full_period, half_later, image_sign, later_sign, twice
+from branches.forced.resequencing import no_order
 from branches.forced.resonance import RESONANCE, resonances_around
 from branches.kernels.blocks import WatchedTests
 from branches.kernels.functions import is_orbit
@@ -43,9 +44,6 @@ _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
 
 _DOUBLES = "the orbit is one of half the period, traversed twice: its period doubles here"
-
-_SAME = 1e-6
-"""Largest difference of two states, beside the largest one, that are one."""
 
 
 class ForcedFamily(AlongParameters, SolvedFamily):
@@ -165,20 +163,17 @@ class ForcedFamily(AlongParameters, SolvedFamily):
 
     def _is_twice(self, y: np.ndarray) -> bool:
         """Whether an orbit is another one traversed twice."""
-        return image_sign(self.problem) == 1.0 and apart_from_image(self.problem, y) <= _SAME
+        return image_sign(self.problem) == 1.0 and apart_from_image(self.problem, y) <= SAME
 
     def merging(self, solution: Solution, data: dict[str, Any]) -> EventDetails:
         """Two impacts at the same instant: at stops that do not interact they exchange their order, else the family ends."""
         problem = self.problem
         flight = int(solution["flight_index"])
-        pair = [int(problem.contacts[k]) for k in ((flight - 1) % (problem.inner + 1), flight)]
-        stops = [problem.system.stops[problem.modes.contact_stop[contact]] for contact in pair]
+        stops = [problem.system.stops[problem.modes.contact_stop[problem.contacts[k]]] for k in (flight - 1, flight)]
         if stops[0].name == stops[1].name:
             return EventDetails("GR", True, data)
-        rows = np.array([stop.gap for stop in stops])
-        inverse = rows @ np.linalg.solve(problem.parametric.system(problem.parameters(solution.y)).mass, rows.T)
         names = f"stops {stops[0].name} and {stops[1].name}"
-        if abs(inverse[0, 1]) <= 1e-14 * math.sqrt(inverse[0, 0] * inverse[1, 1]):
+        if no_order(problem, flight):
             return EventDetails("LB", True, data | {"note": f"impacts at {names} exchange their order; the family continues"})
         return EventDetails("EP", True, data | {"note": f"{names} are hit at once and interact: restitution does not define what follows"})
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from branches.forced.resequencing import in_order
 from branches.released.presentation import primitive_free_orbit
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
@@ -14,10 +15,11 @@ from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 
 __all__ = [
-    "apart_from_image", "full_period", "half_later", "half_of", "image_sign", "is_odd", "kind_of", "later_sign", "primitive_orbit", "twice",
+    "SAME", "apart_from_image", "full_period", "half_later", "half_of", "image_sign", "is_odd", "kind_of", "later_sign", "primitive_orbit",
+    "twice",
 ]  # fmt: skip
 
-_SAME = 1e-6
+SAME = 1e-6
 """Largest change, beside the largest unknown, with which an orbit repeats itself, or has the symmetry of half a period."""
 
 
@@ -113,6 +115,7 @@ def apart_from_image(problem: ForcedProblem, y: np.ndarray) -> float:
 
 def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solution] | None:
     """A symmetric orbit as one of half its period; None where the orbit is not symmetric. Impacts appear and vanish there in pairs."""
+    problem, y = in_order(problem, y)
     count, odd = divmod(len(problem.sequence), 2)
     if odd:
         return None
@@ -125,7 +128,7 @@ def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solut
     if count and problem.sequence != full_period(half, begun)[0].sequence:
         return None
     solution = half.step(begun, np.zeros(2 * half.unknowns), 0.0)
-    return None if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max() else (half, solution)
+    return None if solution is None or np.abs(solution.y - begun).max() > SAME * np.abs(begun).max() else (half, solution)
 
 
 def _first_part(problem: ForcedProblem, y: np.ndarray, part: ForcedProblem, times: int) -> np.ndarray:
@@ -142,17 +145,12 @@ def primitive_orbit(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProble
     """The orbit that y repeats, over half its period where it is symmetric, with its problem; the orbit itself where there is none."""
     if isinstance(problem, ReleasedProblem):
         return primitive_free_orbit(problem, y)
-    if problem.half and problem.load_periods > 1:
-        wide, full = full_period(problem, y)
-    elif problem.half:
+    if problem.half and problem.load_periods == 1:
         return problem, y
-    else:
-        wide, full = problem, y
-    for times in range(wide.load_periods, 1, -1):
-        part = None if wide.load_periods % times else _part(wide, full, times)
-        if part is not None:
-            wide, full = part
-            break
+    wide, full = full_period(problem, y) if problem.half else (problem, y)
+    ordered, whole = in_order(wide, full)
+    parts = (_part(ordered, whole, times) for times in range(wide.load_periods, 1, -1) if wide.load_periods % times == 0)
+    wide, full = next((part for part in parts if part is not None), (wide, full))
     symmetric = half_of(wide, full)
     if symmetric is not None:
         return symmetric[0], symmetric[1].y
@@ -168,13 +166,13 @@ def _part(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedProb
     part = problem.sibling(problem.sequence[:count], load_periods=problem.load_periods // times, pieces=pieces)
     begun = _first_part(problem, y, part, times)
     solution = part.step(begun, np.zeros(2 * part.unknowns), 0.0)
-    if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max():
+    if solution is None or np.abs(solution.y - begun).max() > SAME * np.abs(begun).max():
         return None
     # Only the first of its repetitions was taken: the others must be the same.
     size = 2 * problem.degrees_of_freedom
     states = problem.nodes(y)[:, :size] if count else problem.cut(y, times * pieces)[0]
     repeated = np.abs(states - np.tile(part.nodes(begun)[:, :size], (times, 1))).max()
-    return (part, solution.y) if repeated <= _SAME * np.abs(states).max() else None
+    return (part, solution.y) if repeated <= SAME * np.abs(states).max() else None
 
 
 def kind_of(problem: ForcedProblem) -> str:

@@ -7,15 +7,19 @@ import numpy as np
 from branches.admissible import force_event
 from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
+from bvp.kernels.sticking import INTERACTION_LEVEL
 from bvp.multipoint import Solution
 
 __all__ = [
-    "at_rest", "exchanged", "later", "resequenced", "with_first_bounce", "with_sticking", "with_touch", "without_flight",
-    "without_impact", "without_node",
+    "GRAZES", "at_rest", "exchanged", "in_order", "later", "no_order", "resequenced", "with_first_bounce", "with_sticking", "with_touch",
+    "without_flight", "without_impact", "without_node",
 ]  # fmt: skip
 
 _INSTANT = 1e-7
 """Part of the period over which an acceleration is a difference of velocities."""
+
+GRAZES = 1e-9
+"""Clearance, impact speed and flight, in units of arclength and of the period, that are zero: at a grazing, and of impacts at once."""
 
 _TOGETHER = 1e-10
 """Difference of states, in units of the system, within which images of one state touch together at a grazing that is located to 1e-12."""
@@ -101,30 +105,47 @@ def later(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndar
     return resequenced(problem, [*problem.sequence[count:], *last], nodes[:, :size], nodes[:, size], times, y)
 
 
-def exchanged(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
-    """The problem in which two impacts at the same instant, at stops that do not interact, have the other order, and the orbit in its
-    unknowns."""
-    flight, y = int(solution["flight_index"]), solution.y
-    if flight == problem.inner:
-        flight -= int(problem.impacts[1])
-        problem, y = later(problem, y)
-    size = 2 * problem.degrees_of_freedom
-    nodes = problem.nodes(y)
-    states = nodes[:, :size].copy()
-    # The impacts change velocities in directions at right angles, in M: the second one taken back from the state after both, the first one
-    # kept.
-    states[flight] += states[flight + 1] - states[flight] - (states[flight] - _before(problem, y, flight))
-    sequence = list(problem.sequence)
-    sequence[flight], sequence[flight + 1] = sequence[flight + 1], sequence[flight]
-    return resequenced(problem, sequence, states, nodes[:, size], problem.flight_times(y), y)
+def no_order(problem: ForcedProblem, flight: int) -> bool:
+    """Whether a flight lies between impacts at two stops that do not act on each other."""
+    segment, before = problem.segment, (flight - 1) % (problem.inner + 1)
+    acting = segment.gap_rate[flight] * segment.push[before]
+    between = min(segment.contact[[before, flight], 0]) >= 0 and before != flight  # a release has no impulse
+    return bool(between and abs(np.sum(acting)) <= INTERACTION_LEVEL * np.sum(np.abs(acting)))
 
 
-def _before(problem: ForcedProblem, y: np.ndarray, node: int) -> np.ndarray:
-    """The state before the impact of a node."""
-    size = 2 * problem.degrees_of_freedom
-    nodes, times = problem.nodes(y), problem.flight_times(y)
-    state, _ = problem.fly(nodes[node - 1], float(times[node - 1]), (node - 1) % len(nodes))
-    return state * problem.segment.closing[0] if node == 0 else state[:size]
+def in_order(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """An orbit with its impacts in order of time, those that do not act on each other and are at one instant in that of their stops.
+
+    To the equations of an orbit this order makes no difference. Where it was another one, the unknowns are near the orbit."""
+    instant, count = GRAZES * problem.period(y), len(problem.events)
+    for _ in range(count * (count + 1)):
+        times, last = problem.flight_times(y), problem.inner
+        place = np.maximum(problem.contacts, np.asarray(problem.modes.contact_opposite)[problem.contacts])  # a mirror image has the same
+        short = np.flatnonzero(times <= instant).tolist()
+        wrong = (k for k in short if k == last or times[k] < -instant or place[k - 1] > place[k])
+        flight = next((k for k in wrong if no_order(problem, k)), None)
+        if flight is None:
+            break
+        problem, y = later(problem, y) if flight == last else exchanged(problem, y, flight)
+    return problem, y
+
+
+def exchanged(problem: ForcedProblem, y: np.ndarray, flight: int) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem in which the impacts around a flight, which do not act on each other, have the other order, and the orbit in its
+    unknowns. The flight is short, or negative; it is not the last one."""
+    size, nodes, times = 2 * problem.degrees_of_freedom, problem.nodes(y), problem.flight_times(y).copy()
+    states, fractions, sequence = nodes[:, :size].copy(), nodes[:, size].copy(), list(problem.sequence)
+    short = float(times[flight])
+    arrived, _ = problem.fly(nodes[flight - 1], float(times[flight - 1]), (flight - 1) % len(nodes))
+    before = np.append(arrived if flight else problem.segment.closing[0] * arrived, nodes[flight, size:])
+    # The impacts change velocities in directions at right angles, in M: without the first one the second one is the same.
+    change = states[flight + 1] - problem.fly(nodes[flight], short, flight)[0]
+    states[flight] = problem.fly(before, short, flight)[0] + change
+    states[flight + 1] = problem.fly(nodes[flight + 1], -short, flight)[0]
+    for listed in (sequence, fractions):
+        listed[flight], listed[flight + 1] = listed[flight + 1], listed[flight]
+    np.add.at(times, [flight - 1, flight, flight + 1], [short, -2.0 * short, short])
+    return resequenced(problem, sequence, states, fractions, times, y)
 
 
 def resequenced(

@@ -13,12 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from branches.admissible import force_event
+from branches.admissible import INSTANT, force_event
 from branches.first_orbits import across_null_space, first_orbits
 from branches.forced import resequencing as change
 from branches.forced.closing import vanishes, without_moment
 from branches.forced.family import ForcedFamily
 from branches.forced.primitive import full_period, half_of, kind_of, primitive_orbit, twice
+from branches.solved_family import begun_along
 from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
@@ -31,9 +32,6 @@ __all__ = ["GrazingNeighbour", "beside_grazing", "beside_moment", "emanating_orb
 _SHORT = (1e-3, 1e-4, 1e-5)
 """Arclengths of the first step away from a grazing: the first one that leads to an orbit. Another event can be near."""
 
-_GRAZES = 1e-9
-"""Clearance, impact speed and flight, in units of arclength and of the period, that are zero at a located grazing."""
-
 _BEYOND = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 """Arclengths beyond a grazing at which an orbit is sought whose stop opens for a moment."""
 
@@ -43,10 +41,7 @@ _MOST = 63
 _SAMPLES = 401
 """Instants of a flight between which the contact force is compared."""
 
-_INSTANT = 1e-6
-"""Part of the period within which a touch is at an impact."""
-
-_Change = Callable[[ForcedProblem, Solution], Any]
+_Change = Callable[..., Any]
 """Makes the problem with another sequence from a grazing orbit, and the orbit in its unknowns; None where there is none."""
 
 
@@ -116,12 +111,13 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         wide, repeated = full_period(problem, solution.y)
         whole = wide.step(repeated, np.zeros(2 * wide.unknowns), 0.0)
         ahead = full_period(problem, solution.y + inwards)[1] - repeated
-        others = [] if whole is None else _across(wide, whole, ahead)
-        return found + [one for one in others if len(one.problem.impacts) % 2 and one.problem.sequence]
-    symmetric = half_of(problem, solution.y)
-    if symmetric is not None:  # without impacts it is solved over half the period
-        found = [one for one in found if one.problem.sequence] + _across(*symmetric, inwards[: symmetric[0].unknowns])
-    return found
+        symmetric, others = found, [] if whole is None else _across(wide, whole, ahead)
+    else:
+        half = half_of(problem, solution.y)
+        if half is None:
+            return found
+        symmetric, others = _across(*half, inwards[: half[0].unknowns]), found
+    return symmetric + [one for one in others if one.problem.sequence and not one.problem.half]
 
 
 def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> list[GrazingNeighbour]:
@@ -134,6 +130,11 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
             if opened is not None:
                 found.append(GrazingNeighbour(*opened, bool(np.sign(opened[1].y[at] - solution.y[at]) != side)))
                 continue
+        if make is change.exchanged:
+            # Beyond the orbit the family goes on, with the impacts in another order.
+            ahead = -inwards / np.linalg.norm(inwards[:at] / problem.segment.scale[:at])
+            found += _beside(problem, solution.y, np.append(ahead, np.zeros(len(ahead))), side)
+            continue
         try:
             others = list(make(problem, solution)) if make is _other_choices else [make(problem, solution)]
         except (EndsError, NotConverged):
@@ -145,7 +146,7 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
     return [*{(kind_of(one.problem), one.persists): one for one in found[::-1]}.values()][::-1]  # of two mirror images the first one
 
 
-def _slow(problem: ForcedProblem, y: np.ndarray, limit: float = _GRAZES) -> dict[int, int]:
+def _slow(problem: ForcedProblem, y: np.ndarray, limit: float = change.GRAZES) -> dict[int, int]:
     """The contacts with an impact without speed, and the node of it, the first one of each."""
     speeds = problem.impact_speeds(y) / problem.segment.scale[problem.degrees_of_freedom]
     nodes = [k for k, speed in enumerate(speeds) if abs(speed) <= limit and not problem.events[k].is_release]
@@ -158,7 +159,7 @@ def _other_choices(problem: ForcedProblem, solution: Solution) -> Iterator[tuple
     Parts that do not interact can touch their stops together, and their impacts can vanish together. Each choice of these impacts is that
     of a family. Those with the fewest changes come first."""
     reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
-    limit = max(_GRAZES, min(abs(solution["clearance"] / reach), abs(solution["speed"] / fast)))
+    limit = max(change.GRAZES, min(abs(solution["clearance"] / reach), abs(solution["speed"] / fast)))
     y, before = solution.y, set(_slow(problem, solution.y, limit))
     rest: Solution | None = solution
     while rest is not None and abs(rest["clearance"]) <= limit * reach and rest["clearance_side"] != 0.0 and not force_event(problem, rest):
@@ -168,8 +169,7 @@ def _other_choices(problem: ForcedProblem, solution: Solution) -> Iterator[tuple
             break
         problem, y = change.with_touch(problem, rest)
         rest = problem.step(y, np.zeros(2 * problem.unknowns), 0.0)
-    while len(_slow(problem, y, limit)) > 1 and problem.flight_times(y)[-1] < _INSTANT * problem.period(y):
-        problem, y = change.later(problem, y)  # impacts at one instant are not at the end of the sequence and at its beginning
+    problem, y = change.in_order(problem, y)
     slow = _slow(problem, y, limit)
     for changed in islice(chain.from_iterable(combinations(sorted(slow), count) for count in range(1, len(slow) + 1)), _MOST):
         made: tuple[ForcedProblem, np.ndarray] | None = (problem, y)
@@ -180,30 +180,25 @@ def _other_choices(problem: ForcedProblem, solution: Solution) -> Iterator[tuple
 
 def _both_sides(problem: ForcedProblem, start: np.ndarray, side: float) -> list[GrazingNeighbour]:
     """The orbits next to a grazing one in its family, where they are orbits. side: where the other family has its parameter."""
-    at, found = 2 * problem.degrees_of_freedom + 1, []
-    begin = ForcedFamily(problem).begin(start)
-    for sign in (1.0, -1.0) if begin.converged else ():
-        family, along = ForcedFamily(_in_order(problem, begin, sign)), sign * begin.tangent
-        if family.problem is not problem:  # another order can begin with another impact: its parameter has the same tangent
-            along = np.where(np.arange(len(along)) == at, along, 0.0)
-        turned = family.step(begin.y, along, 0.0)
-        steps = (family.step(turned.y, turned.tangent, length) for length in _SHORT)
-        step = next((step for step in steps if _is_inside(step)), None)
-        if step is not None:
-            persists = bool(np.sign(step.y[at] - start[at]) != side)
-            found.append(GrazingNeighbour(*_primitive(family.problem, step), persists))
-    return found
+    family = ForcedFamily(problem)
+    begin = family.begin(start)
+    turned = [family.step(begin.y, sign * begin.tangent, 0.0) for sign in (1.0, -1.0) if begin.converged]
+    return [found for step in turned for found in _beside(problem, step.y, step.tangent, side)]
 
 
-def _in_order(problem: ForcedProblem, step: Step, sign: float) -> ForcedProblem:
-    """The problem with the impacts without speed at one instant in their order beyond an orbit, in a direction along its family."""
-    slow, times = _slow(problem, step.y).values(), problem.flight_times(step.y)
-    if len(slow) < 2:
-        return problem
-    rates = problem.nodes(step.tangent[: problem.unknowns])[:, 2 * problem.degrees_of_freedom]
-    apart = [not (k in slow and k - 1 in slow and times[k - 1] < _INSTANT * np.sum(times)) for k in range(len(times))]
-    order = np.lexsort((np.round(sign * rates / np.abs(rates).max(), 6), np.cumsum(apart)))  # of alike parts it stays as it is
-    return problem.sibling([problem.sequence[k] for k in order], values=problem.parameters(step.y))
+def _beside(problem: ForcedProblem, start: np.ndarray, tangent: np.ndarray, side: float) -> list[GrazingNeighbour]:
+    """The first orbit beside a grazing one along a tangent, with its impacts in their order there, if it is an orbit."""
+    at = 2 * problem.degrees_of_freedom + 1
+    for length in _SHORT:
+        step = ForcedFamily(problem).step(start, tangent, length)
+        if step.converged:
+            ordered, y = change.in_order(problem, step.y)
+            if ordered is not problem:  # another order can begin with another impact: its parameter has the same tangent
+                along = np.where(np.arange(len(step.tangent)) == at, step.tangent, 0.0)
+                step = begun_along(ForcedFamily(ordered), y, along, np.ones(len(y)))
+            if _is_inside(step):
+                return [GrazingNeighbour(*_primitive(ordered, step), bool(np.sign(step.y[at] - start[at]) != side))]
+    return []
 
 
 def _is_inside(step: Step) -> bool:
@@ -232,13 +227,9 @@ def _primitive(problem: ForcedProblem, step: Step) -> tuple[ForcedProblem, Step]
     primitive, y = primitive_orbit(problem, step.y)
     if primitive is problem:
         return problem, step
-    begin = ForcedFamily(primitive).begin(y)
-    if not begin.converged:
-        return problem, step
     # Both begin with the same state, and have the same parameter.
-    kept = [*range(2 * problem.degrees_of_freedom), 2 * problem.degrees_of_freedom + 1]
-    sign = np.sign(begin.tangent[kept] @ step.tangent[kept])
-    return primitive, ForcedFamily(primitive).step(begin.y, sign * begin.tangent, 0.0)
+    begin = begun_along(ForcedFamily(primitive), y, step.tangent, np.ones(2 * problem.degrees_of_freedom + 2))
+    return (primitive, begin) if begin.converged else (problem, step)
 
 
 def _changes(problem: ForcedProblem, solution: Solution) -> list[_Change]:
@@ -247,10 +238,10 @@ def _changes(problem: ForcedProblem, solution: Solution) -> list[_Change]:
     reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
     touch, speed = abs(solution["clearance"] / reach), abs(solution["speed"] / fast)
     flight = abs(solution["flight"] / problem.duration(solution))
-    if any(event.closed for event in problem.events) and flight < _INSTANT:
+    if any(event.closed for event in problem.events) and flight < INSTANT:
         # The contact force, and the speed of a stop that opens for a moment, vanish faster than the time between two events.
         return [change.without_flight]
-    limit = max(_GRAZES, min(touch, speed, flight))
+    limit = max(change.GRAZES, min(touch, speed, flight))
     if touch <= limit and solution["clearance_side"] == 0.0:
         return [change.with_first_bounce] if solution["clearance_time"] > 0.0 else []
     if touch <= limit and force_event(problem, solution) is not None:
@@ -263,7 +254,7 @@ def _is_at_slowest_impact(problem: ForcedProblem, solution: Solution) -> bool:
     """Whether the closest touch is the turning point at the slowest impact."""
     flight, slowest, times = int(solution["clearance_flight"]), int(solution["speed_node"]), problem.flight_times(solution.y)
     ends = (slowest, times[flight] - solution["clearance_time"]), ((slowest + 1) % len(times), solution["clearance_time"])
-    return any(at == flight and time < _INSTANT * problem.duration(solution) for at, time in ends)
+    return any(at == flight and time < INSTANT * problem.duration(solution) for at, time in ends)
 
 
 def _opening_again(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> tuple[ForcedProblem, Step] | None:
@@ -318,11 +309,10 @@ def _moments(problem: ForcedProblem, y: np.ndarray, flight: int, contact: int) -
     """Times in a flight between which the force of a contact pulls; None where it does not."""
     node, duration = problem.nodes(y)[flight], float(problem.flight_times(y)[flight])
     times = np.linspace(0.0, duration, _SAMPLES)[:-1]
-    forces = []
-    for time in times.tolist():
-        state, fraction = problem.fly(node, time, flight)
-        forces.append(problem.contact_force(np.concatenate([state, [fraction], node[len(state) + 1 :]]), flight, contact))
-    pulls = np.flatnonzero(np.array(forces) < 0.0)
+    rest = node[2 * problem.degrees_of_freedom + 1 :]
+    places = (np.hstack([*problem.fly(node, time, flight), rest]) for time in times.tolist())
+    forces = np.array([problem.contact_force(place, flight, contact) for place in places])
+    pulls = np.flatnonzero(forces < 0.0)
     if not len(pulls) or pulls[-1] + 1 >= len(times):
         return None
 

@@ -146,7 +146,11 @@ def follow_response(
     finer = _in_enough_pieces(problem, [start.y if isinstance(start, Step) else np.asarray(start, dtype=float)])
     while True:
         if finer is not problem:
-            problem, start = finer, _start_in(problem, finer, start)
+            if isinstance(start, Step):
+                start = _begun_in(problem, finer, start.y, start.tangent)
+            else:
+                start = problem.in_pieces(finer.pieces, start)[1]
+            problem = finer
         run, known = follow(problem, start, known)
         looked_at = [run.points[i].step.y for i in (*range(0, len(run.points), GROWTH_EVERY), -1) if run.points]
         finer = _in_enough_pieces(problem, looked_at, any(end.reason is EndReason.MINIMUM_STEP for end in run.ends))
@@ -173,13 +177,6 @@ def _in_enough_pieces(problem: ForcedProblem, unknowns: Sequence[np.ndarray], fa
     limit = GROWTH * (_FAILED if failed else 1.0)
     pieces = max((problem.enough_pieces(y, limit) for y in unknowns), default=problem.pieces)
     return problem.sibling(problem.sequence, pieces=pieces) if pieces > problem.pieces else problem
-
-
-def _start_in(problem: ForcedProblem, other: ForcedProblem, start: np.ndarray | Step) -> np.ndarray | Step:
-    """The start of a run in another number of pieces."""
-    if not isinstance(start, Step):
-        return problem.in_pieces(other.pieces, np.asarray(start, dtype=float))[1]
-    return _begun_in(problem, other, start.y, start.tangent)
 
 
 def _begun_in(problem: ForcedProblem, other: ForcedProblem, y: np.ndarray, tangent: np.ndarray) -> Step:

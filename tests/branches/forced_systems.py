@@ -18,14 +18,11 @@ def oscillator(damping=0.0, **parameters):
         {
             "parameters": {"A": 1.0, "w": 2.8, "r": 0.8, "s": 0.0} | parameters,
             "system": {
-                "mass": [[1.0]],
-                "damping": [[damping]],
-                "stiffness": [[1.0]],
-                "stops": [{"c": [1.0], "upper": "s", "restitution": "r"}],
+                "mass": [[1.0]], "damping": [[damping]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": "s", "restitution": "r"}],
             },
             "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}],
         }
-    )
+    )  # fmt: skip
 
 
 def impact_speed(w, r, n, s, sign):

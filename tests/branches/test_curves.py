@@ -360,7 +360,7 @@ def test_a_curve_ends_where_impacts_exchange_their_order():
     problem, y = curve.plane.problem, curve.unknowns[event.point]
     short = abs(problem.flight_times(y).min())
     assert short < 1.1e-12 * problem.period(y)
-    other, there = exchanged(problem, observed(problem, y))
+    other, there = exchanged(problem, y, int(observed(problem, y)["flight_index"]))
     assert np.abs(other.residual(there)[:-1]).max() < 1e-12 + short * problem.impact_speeds(y).max()
     assert np.abs(problem.multipliers(y) + 1.0).min() < 1e-9 < 0.1 < np.abs(other.multipliers(there) + 1.0).min()
     with pytest.raises(NoCurve, match="which is no grazing"):

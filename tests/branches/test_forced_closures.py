@@ -12,7 +12,8 @@ import pytest
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
 from branches.forced.onwards import ResponseStart, follow_onwards, trace_start
-from branches.forced.resequencing import later
+from branches.forced.primitive import half_of
+from branches.forced.resequencing import exchanged, later
 from branches.forced.switching import beside_grazing
 from branches.forced.tracing import follow_response, switch_response
 from bvp.criticality import criticality
@@ -29,14 +30,11 @@ def self_excited(**values):
         {
             "parameters": {"c": 0.1, "r": 0.6, "g": 0.0} | values,
             "system": {
-                "mass": [[1.0]],
-                "damping": [["-c"]],
-                "stiffness": [[1.0]],
-                "stops": [{"c": [1.0], "upper": 1.0, "restitution": "r"}],
+                "mass": [[1.0]], "damping": [["-c"]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": 1.0, "restitution": "r"}],
             },
             "forces": [{"load": [1.0], "constant": "g"}],
         }
-    )
+    )  # fmt: skip
 
 
 def closed_form(c, r, g, speed, period):
@@ -91,14 +89,12 @@ def pair(**values):
         {
             "parameters": {"k": 1.1, "w": 1.3, "m": 0.0} | values,
             "system": {
-                "mass": [[1.0, "m"], ["m", 1.0]],
-                "damping": [[0.2, 0.0], [0.0, 0.2]],
-                "stiffness": [[1.05, -0.05], [-0.05, "k + 0.05"]],
-                "stops": [{"c": [1.0, 0.0], "upper": 0.5, "restitution": 0.6}, {"c": [0.0, 1.0], "upper": 0.5, "restitution": 0.6}],
+                "mass": [[1.0, "m"], ["m", 1.0]], "damping": [[0.2, 0.0], [0.0, 0.2]], "stiffness": [[1.05, -0.05], [-0.05, "k + 0.05"]],
+                "stops": [{"c": row, "upper": 0.5, "restitution": 0.6} for row in ([1.0, 0.0], [0.0, 1.0])],
             },
             "forces": [{"load": [1.0, 1.0], "amplitude": 0.8, "harmonic": 1}],
         }
-    )
+    )  # fmt: skip
 
 
 def test_impacts_that_do_not_interact_exchange_their_order():
@@ -137,15 +133,15 @@ def test_an_orbit_can_be_begun_at_any_impact():
     assert np.sort_complex(turned.multipliers(moved)) == pytest.approx(np.sort_complex(problem.multipliers(y)), abs=1e-12)
 
 
-def alike(*masses, restitutions=(0.8, 0.8, 0.8), damping=0.1, harmonic=1.1):
+def alike(*masses, restitutions=(0.8,) * 5, damping=0.1, harmonic=1.1, lower=None):
     """Oscillators, each before its own stop, with all forces as large as their mass: each has the motion of a single one."""
-    weights, unit = np.diag(masses), np.eye(len(masses))
+    weights, unit, bounds = np.diag(masses), np.eye(len(masses)), {"upper": "s"} | ({"lower": lower} if lower else {})
     return ParametricSystem.from_description(
         {
             "parameters": {"F": 0.5, "w": harmonic, "s": 1.0},
             "system": {
                 "mass": weights.tolist(), "damping": (damping * weights).tolist(), "stiffness": weights.tolist(),
-                "stops": [{"c": row.tolist(), "upper": "s", "restitution": e} for row, e in zip(unit, restitutions, strict=False)],
+                "stops": [bounds | {"c": row.tolist(), "restitution": e} for row, e in zip(unit, restitutions, strict=False)],
             },
             "forces": [{"load": list(masses), "amplitude": "F", "harmonic": 1}],
         }
@@ -173,7 +169,7 @@ def test_independent_impacts_at_one_instant_are_followed():
                 assert single.scaled_residual(alone) < 1e-12
 
 
-@pytest.mark.parametrize("masses", [(1.0, 1.0), (1.0, 2.0), (1.0, 1.0, 1.0), (1.0, 2.0, 3.0)])
+@pytest.mark.parametrize("masses", [(1.0, 1.0), (1.0, 2.0), (1.0, 1.0, 1.0), (1.0, 2.0, 3.0), (1.0, 2.0, 3.0, 4.0, 5.0)])
 def test_alike_oscillators_have_the_events_of_one(masses):
     """Oracle: one oscillator. As many multipliers pass 1 at once as there are oscillators, so that each of their families has its fold in
     the branch point of them all, whether the determinant changes its sign there or not. All impacts vanish at once, too: each choice of
@@ -189,6 +185,8 @@ def test_alike_oscillators_have_the_events_of_one(masses):
     assert set(one) == {"SN", "GR", "EP"} and set(found) - set(one) == {"BP"}
     one["BP"] = one["SN"]
     assert found == pytest.approx(one, rel=1e-12)
+    with pytest.raises(ValueError, match="several multipliers are there"):
+        criticality(problem, next(event.point.y for event in run.events if event.code == "SN"), "SN")
     grazing = next(event for event in run.events if event.code == "GR")
     inwards = run.points[1 if grazing.index == 0 else -2].step.y - grazing.point.y
     neighbours = [beside.problem.sequence for beside in beside_grazing(problem, grazing.point.extra, inwards)]
@@ -209,6 +207,21 @@ def test_alike_oscillators_double_their_periods_together(masses):
     with pytest.raises(ValueError, match="several multipliers are there"):
         criticality(problem, event.point.y, "PD")
     assert places[1] == pytest.approx(places[0], abs=1e-11)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_alike_oscillators_lose_their_symmetry_together(count):
+    """Oracle: one oscillator. Where all impacts vanish each of n has both, the upper or the lower one: of these 3^n - 1 other choices one
+    of two mirror images is listed, and on the other side the response without impacts."""
+    problem, y = settled(alike(*[1.0] * count, restitutions=[0.6] * count, lower="-s"), ["w"])
+    orders = [(problem, y), *(exchanged(problem, y, k) for k in range(2 * count - 1) if k % count != count - 1)]
+    (half, solution), *others = (half_of(problem, problem.solve(y).y) for problem, y in orders)
+    assert all(other.sequence == half.sequence for other, _ in others) and sorted(half.sequence) == list(half.sequence)
+    run = follow_both_ways(ForcedFamily(half, (0.5, 1.5)), solution.y, SETTINGS)
+    grazing, breaking = run.events[:2]
+    assert (breaking.code, breaking.point.parameter) == ("SB", pytest.approx(0.9522525583265588, abs=1e-10))
+    found = beside_grazing(half, grazing.point.extra, run.points[1].step.y - grazing.point.y)
+    assert len(found) == (3**count - 1) // 2 + 1 and [beside.problem.sequence for beside in found if beside.persists] == [()]
 
 
 @pytest.mark.parametrize("half", [True, False])

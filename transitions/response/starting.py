@@ -12,6 +12,7 @@ import numpy as np
 
 from branches.admissible import unphysical
 from branches.forced.primitive import half_of
+from branches.forced.resequencing import in_order
 from branches.forced.resonance import is_driven
 from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS
@@ -209,7 +210,7 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     if not decays and not distance < _SAME * max(1.0, settled.distance / 1e-9):
         raise NoOrbit(f"{settled.text}; the orbit found there is {distance:.1e} of its size away from it")
     problem, solution = half_of(problem, solution.y) or (problem, solution)
-    return Periodic(problem, solution.y, distance)
+    return Periodic(*in_order(problem, solution.y), distance)
 
 
 class MotionNodes(NamedTuple):
