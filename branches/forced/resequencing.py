@@ -49,24 +49,32 @@ def at_rest(problem: ForcedProblem, state: np.ndarray, stop: int) -> np.ndarray:
     return np.append(state[:n], state[n:] - row * (row @ state[n:]) / (row @ row))
 
 
-def with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
-    """The problem in which the touch of a grazing orbit is an impact of no speed, and the orbit in its unknowns."""
-    size = 2 * problem.degrees_of_freedom
+def with_touch(problem: ForcedProblem, solution: Solution, *, at_once: bool = False) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem in which the touch of a grazing orbit is an impact of no speed, and the orbit in its unknowns. at_once: the touches of
+    stops without impacts at the same instant are impacts, too."""
+    n, size = problem.degrees_of_freedom, 2 * problem.degrees_of_freedom
     flight, time, side = _first_touch(problem, solution)
-    y, modes, stop = solution.y, problem.modes, int(solution["clearance_stop"])
-    nodes = problem.nodes(y)
+    y, nodes, modes, stop = solution.y, problem.nodes(solution.y), problem.modes, int(solution["clearance_stop"])
     state, fraction = problem.fly(nodes[flight], time, flight)
     # The touch is at zero speed: rounding of the place of the extremum must not leave an impact that pulls.
     state = at_rest(problem, state, stop)
-    letter = modes.contact_letters[np.flatnonzero((modes.contact_stop == stop) & (modes.contacts.side == side))[0]]
+    contacts = [int(np.flatnonzero((modes.contact_stop == stop) & (modes.contacts.side == side))[0])]
+    if at_once:
+        system, scale = problem.parametric.system(problem.parameters(y)), problem.segment.scale
+        rows = np.array([system.stops[stop].gap for stop in modes.contact_stop])
+        away = np.abs(rows @ state[:n] - system.modes.contacts.bound) / scale[0] + (rows @ state[n:] / scale[n]) ** 2
+        known = {*contacts, *(event.contact for event in problem.events)}
+        contacts += [contact for contact in np.flatnonzero(away <= GRAZES).tolist() if contact not in known]
+    letters = [modes.contact_letters[contact] for contact in contacts]
+    states, fractions, times = np.tile(state, (len(letters), 1)), np.full(len(letters), fraction), np.zeros(len(letters))
     if not problem.sequence:
-        lasting = np.sum(problem.flight_times(y), keepdims=True)
-        return resequenced(problem, [letter], state[None], np.array([fraction % 1.0]), lasting, y)
-    sequence = [*problem.sequence[: flight + 1], letter, *problem.sequence[flight + 1 :]]
-    times = np.insert(problem.flight_times(y), flight, time)
-    times[flight + 1] -= time
-    states, fractions = np.insert(nodes[:, :size], flight + 1, state, axis=0), np.insert(nodes[:, size], flight + 1, fraction)
-    return resequenced(problem, sequence, states, fractions, times, y)
+        times[-1] = np.sum(problem.flight_times(y))
+        return resequenced(problem, letters, states, fractions % 1.0, times, y)
+    times[0], place = time, [flight + 1] * len(letters)
+    times = np.insert(problem.flight_times(y), [flight] * len(letters), times)
+    times[flight + len(letters)] -= time
+    states, fractions = np.insert(nodes[:, :size], place, states, axis=0), np.insert(nodes[:, size], place, fractions)
+    return resequenced(problem, [*problem.sequence[: flight + 1], *letters, *problem.sequence[flight + 1 :]], states, fractions, times, y)
 
 
 def without_impact(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:
@@ -121,9 +129,8 @@ def in_order(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.n
     for _ in range(count * (count + 1)):
         times, last = problem.flight_times(y), problem.inner
         place = np.maximum(problem.contacts, np.asarray(problem.modes.contact_opposite)[problem.contacts])  # a mirror image has the same
-        short = np.flatnonzero(times <= instant).tolist()
-        wrong = (k for k in short if k == last or times[k] < -instant or place[k - 1] > place[k])
-        flight = next((k for k in wrong if no_order(problem, k)), None)
+        short = (k for k in range(last + 1) if times[k] <= instant and no_order(problem, k))
+        flight = next((k for k in short if k == last or times[k] < -instant or place[k - 1] > place[k]), None)
         if flight is None:
             break
         problem, y = later(problem, y) if flight == last else exchanged(problem, y, flight)

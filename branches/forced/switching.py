@@ -133,7 +133,7 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
         if make is change.exchanged:
             # Beyond the orbit the family goes on, with the impacts in another order.
             ahead = -inwards / np.linalg.norm(inwards[:at] / problem.segment.scale[:at])
-            found += _beside(problem, solution.y, np.append(ahead, np.zeros(len(ahead))), side)
+            found += _beside(problem, solution.y, np.pad(ahead, (0, len(ahead))), side)
             continue
         try:
             others = list(make(problem, solution)) if make is _other_choices else [make(problem, solution)]
@@ -167,7 +167,7 @@ def _other_choices(problem: ForcedProblem, solution: Solution) -> Iterator[tuple
             if rest is solution and not _is_at_slowest_impact(problem, rest):
                 yield change.with_touch(problem, rest)
             break
-        problem, y = change.with_touch(problem, rest)
+        problem, y = change.with_touch(problem, rest, at_once=True)
         rest = problem.step(y, np.zeros(2 * problem.unknowns), 0.0)
     problem, y = change.in_order(problem, y)
     slow = _slow(problem, y, limit)
@@ -328,9 +328,7 @@ def _first_opened(problem: ForcedProblem, guess: np.ndarray, flight: int) -> Ste
         y = problem.solve(guess).y
     except NotConverged:
         return None
-    family = ForcedFamily(problem)
-    step = family.begin(y)
-    if not _is_inside(step):
-        return None
-    turned = step if problem.flight_times(step.tangent[: problem.unknowns])[flight] > 0.0 else family.step(step.y, -step.tangent, 0.0)
-    return turned if turned.converged else None
+    ahead = np.zeros(problem.unknowns)
+    problem.flight_times(ahead)[flight] = 1.0
+    step = begun_along(ForcedFamily(problem), y, ahead, np.ones(problem.unknowns))
+    return step if _is_inside(step) else None

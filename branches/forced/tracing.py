@@ -223,7 +223,7 @@ def go_on(
         outward = branch.tangents[-1] if last else -branch.tangents[0]
         if direction != "both" and outward[2 * branch.problem.degrees_of_freedom + 1] * _SIGNS[direction] <= 0.0:
             continue
-        begin = parameter_family(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward), 0.0)
+        begin = parameter_family(branch.problem, interval).step(branch.unknowns[place], np.pad(outward, (0, len(outward))), 0.0)
         try:
             further = follow_response(branch.problem, begin, interval, direction="along", **options)
         except KeyboardInterrupt as error:
@@ -342,15 +342,10 @@ def _at_grazing(branch: ForcedBranch, event: ForcedEvent) -> list[GrazingNeighbo
     known = beside_moment(problem, branch.unknowns[k], branch.unknowns[inside] - branch.unknowns[k]) if inside >= 0 else None
     if known is not None:
         return known
-    solution = problem.step(branch.unknowns[k], _with_curvature(branch.tangents[k]), 0.0)
+    solution = problem.step(branch.unknowns[k], np.pad(branch.tangents[k], (0, problem.unknowns)), 0.0)  # of no known curvature
     if solution is None or inside < 0:
         return []
     return beside_grazing(problem, solution, branch.unknowns[inside] - branch.unknowns[k])
-
-
-def _with_curvature(tangent: np.ndarray) -> np.ndarray:
-    """A tangent (2 u,) whose curvature is not known."""
-    return np.concatenate([tangent, np.zeros(len(tangent))])
 
 
 def switch_response(branch: ForcedBranch, event: ForcedEvent) -> list[tuple[ForcedProblem, Step]]:
