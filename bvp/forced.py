@@ -152,7 +152,7 @@ class ForcedProblem:
         loaded = np.any(parametric.entries(self.values)[layout.constant]) or any(row in constant for row in found.rows.tolist())
         harmonics = np.array([*([0.0] if loaded else []), *layout.harmonics], dtype=float)
         loads = Loads(harmonics, np.zeros((1 + count, len(harmonics), 2, 2 * n)), np.zeros(1 + count), float(load_periods))
-        metric = self._metric()
+        metric = forced_metric(self)
         forces = None
         if self.is_smooth:
             from bvp.released_forces import released_forces
@@ -208,6 +208,9 @@ class ForcedProblem:
     ends: tuple[str, str] | None = None
     """The ends of the solved segment of a free orbit; None of a forced one."""
 
+    energy: float = 0.0
+    """A typical energy of free orbits; 0 of forced ones."""
+
     conserved: tuple[str, ...] = ()
     """What the user's equations can name besides parameters."""
 
@@ -259,7 +262,7 @@ class ForcedProblem:
 
     def _why_no_flight(self, y: np.ndarray) -> str | None:
         """Where and why a flight of y with smooth forces cannot be computed."""
-        self._evaluated(y)
+        self.residual(y)
         failed = np.flatnonzero(~np.isfinite(self._factor.before).all(axis=1))
         if not len(failed):
             return None
@@ -355,10 +358,6 @@ class ForcedProblem:
         for name in ("_leaves_unseen", "_is_undamped"):
             self.__dict__.pop(name, None)
 
-    def _metric(self) -> np.ndarray:
-        """Units of the first node, (N,): see `forced_metric`."""
-        return forced_metric(self)
-
     def position(self, y: np.ndarray) -> np.ndarray:
         """The first node in the coordinates of arclength, (N + 1,)."""
         return forced_position(self.segment.scale, 2 * self.degrees_of_freedom, y)
@@ -418,10 +417,8 @@ class ForcedProblem:
         states, fractions, times = self.cut(y, pieces)
         return other, other.pack(states, fractions, self.nodes(y)[0, 2 * self.degrees_of_freedom + 1 :], times)
 
-    @property
-    def most_pieces(self) -> int:
-        """Most pieces of a flight, which is a period of loads, or half of it."""
-        return 8 * MOST_PIECES
+    most_pieces = 8 * MOST_PIECES
+    """Most pieces of a flight, which is a period of loads, or half of it."""
 
     def enough_pieces(self, y: np.ndarray, limit: float = GROWTH) -> int:
         """How many pieces the flights from y need for perturbations to grow by less than a limit along each, `most_pieces` at most."""
@@ -490,17 +487,20 @@ class ForcedProblem:
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """F(y), (u - 1,)."""
-        return self._evaluated(y)
+        # The kernel of steps contains these functions: another one for them alone would take as long to compile.
+        self._factor.scale[:] = 1.0
+        self._stepped(y, self._zero, Request(0.0, math.nan, LINEARISED))
+        return self._factor.work[6, : self.unknowns - 1].copy()
 
     def jacobian(self, y: np.ndarray) -> np.ndarray:
         """F'(y), dense (u - 1, u): for switching and for tests; Newton's steps use the block structure."""
-        self._evaluated(y)
+        self.residual(y)
         return dense_jacobian(self._factor, self.size + 1)
 
     def scales(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
         """Typical size of each unknown at the orbit y, (u,). evaluated: y is the orbit that was evaluated last."""
         if not evaluated:
-            self._evaluated(y)
+            self.residual(y)
         set_scale(self.segment, np.array(y, float), self._factor)
         return self._factor.scale.copy()
 
@@ -526,12 +526,6 @@ class ForcedProblem:
     def contact_modes(self) -> ModeTable:
         """The contact modes of the flights."""
         return self._table
-
-    def _evaluated(self, y: np.ndarray) -> np.ndarray:
-        # The kernel of steps contains these functions: another one for them alone would take as long to compile.
-        self._factor.scale[:] = 1.0
-        self._stepped(y, self._zero, Request(0.0, math.nan, LINEARISED))
-        return self._factor.work[6, : self.unknowns - 1].copy()
 
     # -- solution and step ----------------------------------------------------------------------------------------------------
 
@@ -593,12 +587,12 @@ class ForcedProblem:
 
     def impact_speeds(self, y: np.ndarray) -> np.ndarray:
         """Speed of approach at each node of an orbit y, in the order of the sequence, (k + 1,), 0 at releases; without impacts (0,)."""
-        self._evaluated(y)
+        self.residual(y)
         return np.roll(self._approach(), 1) if self.sequence else np.zeros(0)
 
     def losses(self, y: np.ndarray) -> np.ndarray:
         """Kinetic energy lost at the impact that ends each flight of an orbit y, (k + 1,)."""
-        self._evaluated(y)
+        self.residual(y)
         size, n = 2 * self.degrees_of_freedom, self.degrees_of_freedom
         before = self._factor.before[:, n:size]
         after = np.roll(self.nodes(y)[:, n:size], -1, axis=0)
@@ -615,7 +609,7 @@ class ForcedProblem:
 
     def growth(self, y: np.ndarray) -> float:
         """See `MultipointProblem.growth`."""
-        self._evaluated(y)
+        self.residual(y)
         return largest_growth(self.segment, self._factor, y, self.degrees_of_freedom)
 
     @cached_property
@@ -630,7 +624,7 @@ class ForcedProblem:
         and the directions along the stop to f+ and their reflections. Nothing is divided by its speed. NaN where an impact grazes.
         evaluated: y is the orbit that was evaluated last."""
         if not evaluated:
-            self._evaluated(y)
+            self.residual(y)
         found = self._orbit_multipliers.values(np.array(y, float), self._factor, GRAZING)
         return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan)) if found is None else sort_multipliers(found)
 

@@ -2,7 +2,7 @@
 
 They are those of the first node. Its state x, in units of the system, gives x/R and log R, R = sqrt(1 + |x|^2). A step then is a part of
 the unit for a small motion, and a part of the motion for a large one. A parameter p with a unit P gives asinh(p/P), in the same way. One
-that cannot be zero gives log p.
+that cannot be zero gives log p. The time gives s; of free orbits, where s is 0, the logarithm of the duration that is solved.
 """
 
 from __future__ import annotations
@@ -27,25 +27,43 @@ def forced_metric(problem: ForcedProblem) -> np.ndarray:
 
     A displacement: the smallest width of a stop that confines it, else the larger of the smallest gap and the largest
     |(K + nu^2 M)^-1 C| of the loads C cos(nu t), beside smooth forces also of |K^-1 C|. A velocity: that times the fastest frequency.
-    The time: the period. A parameter that cannot be zero: 0, as its logarithm has no unit. Another one: see `_parameter_unit`."""
+    The time: the period. A parameter that cannot be zero: 0, as its logarithm has no unit. Another one: see `_parameter_unit`.
+
+    Of free orbits a velocity has the unit sqrt(2 h/m) of its coordinate, a displacement that over the fastest frequency, the time 0.
+    Without a frequency `_rate` takes its place."""
     n, system, layout = problem.degrees_of_freedom, problem.system, problem.parametric.layout
     entries = problem.parametric.entries(problem.values)
     base = float(entries[layout.frequency][0])
     gaps = [abs(bound) for stop in system.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound) and bound]
-    size = max(min(gaps, default=0.0), _load_response(problem, entries, base)) or 1.0
+    speeds = np.sqrt(2.0 * problem.energy / np.diag(system.mass))
+    fastest = max(base, float(np.sqrt(np.abs(system.modes.squares).max()))) or _rate(problem, speeds, min(gaps, default=0.0))
+    size = max(min(gaps, default=0.0), _load_response(problem, entries, base)) or float(speeds.max()) / fastest or 1.0
     reach = np.full(n, size)
     for stop in system.stops:
         row = np.asarray(stop.gap)
         if math.isfinite(stop.upper - stop.lower) and np.count_nonzero(row) == 1:
             place = int(np.argmax(np.abs(row)))
             reach[place] = min(reach[place], 0.5 * (stop.upper - stop.lower) / abs(row[place]))
-    fastest = max(base, float(np.sqrt(np.abs(system.modes.squares).max()))) or 1.0
     units = [
         0.0 if problem.values[name] > 0.0 and problem.parametric.violation(problem.values | {name: 0.0})
         else _parameter_unit(problem, name, size, fastest)
         for name in problem.released
     ]  # fmt: skip
-    return np.array([*reach, *(reach * fastest), 1.0, *units])
+    reach, time = (speeds / fastest, 0.0) if problem.energy > 0.0 else (reach, 1.0)
+    return np.array([*reach, *(reach * fastest), time, *units])
+
+
+def _rate(problem: ForcedProblem, speeds: np.ndarray, gap: float) -> float:
+    """A frequency where no spring is linear: one over the time in which free motion at these speeds (n,) comes where its potential is its
+    energy, or through the gap; of a motion under losses, without speeds, the largest |C|/|M|. 1 if there is none of these."""
+    system, forces = problem.system, problem.system.smooth_forces
+    if problem.energy > 0.0 and forces is not None and not forces.is_called:
+        times = np.geomspace(1e-60, 1e60, 1201)  # between which the potential is taken for a power
+        heights = np.abs(forces.energy(times[:, None, None] * np.diag(speeds))).sum(axis=1) / problem.energy
+        i = int(np.argmax(heights >= 1.0))
+        if i > 0 and heights[i - 1] > 0.0:
+            return math.exp(-float(np.interp(0.0, np.log(heights[i - 1 : i + 1]), np.log(times[i - 1 : i + 1]))))
+    return (float(speeds.max()) / gap if gap else 0.0) or float(np.abs(system.damping).max() / np.abs(system.mass).max()) or 1.0
 
 
 def _load_response(problem: ForcedProblem, entries: np.ndarray, base: float) -> float:
@@ -77,7 +95,8 @@ def forced_position(units: np.ndarray, states: int, y: np.ndarray) -> np.ndarray
     x, rest, p = y[:states] / units[:states], units[states + 1 :], y[states + 1 : len(units)]
     reach = math.sqrt(1.0 + float(x @ x))
     logarithm, divisor = np.log(np.where(rest > 0.0, 1.0, np.abs(p))), np.where(rest > 0.0, rest, 1.0)
-    return np.array([*(x / reach), y[states], *np.where(rest > 0.0, np.arcsinh(p / divisor), logarithm), math.log(reach)])
+    time = y[states] if units[states] > 0.0 else math.log(abs(float(np.sum(y[len(units) :: len(units) + 1]))))
+    return np.array([*(x / reach), time, *np.where(rest > 0.0, np.arcsinh(p / divisor), logarithm), math.log(reach)])
 
 
 def position_slopes(units: np.ndarray, states: int, y: np.ndarray) -> np.ndarray:
@@ -86,7 +105,10 @@ def position_slopes(units: np.ndarray, states: int, y: np.ndarray) -> np.ndarray
     reach = math.sqrt(1.0 + float(x @ x))
     found = np.zeros((count + 1, len(y)))
     found[:states, :states] = (np.eye(states) - np.outer(x, x) / reach**2) / (reach * units[:states])
-    found[states, states] = 1.0
+    if units[states] > 0.0:
+        found[states, states] = 1.0
+    else:
+        found[states, count :: count + 1] = 1.0 / np.sum(y[count :: count + 1])
     rest = np.arange(states + 1, count)
     found[rest, rest] = 1.0 / np.hypot(units[rest], y[rest])
     found[count, :states] = x / (reach**2 * units[:states])

@@ -67,13 +67,15 @@ class Modes(Blocks):
     @property
     def pace(self) -> int:
         """The power of two near the lowest frequency above 0: the unit of time of the arclength of families in the energy."""
-        lowest = min((w for w in self.frequencies.tolist() if w > 0.0), default=1.0)
-        return math.floor(math.log2(lowest) + 0.6)  # no frequency is likely where the next power begins
+        from bvp.kernels.step import UNPACED
+
+        rates = [w for w in self.frequencies.tolist() if w > 0.0]
+        return math.floor(math.log2(min(rates)) + 0.6) if rates else UNPACED  # no frequency is likely where the next power begins
 
     def position(self, states: np.ndarray, h: Any, alpha: Any) -> np.ndarray:
         """Orbits in the metric of the arclength, equation (33): modal start states (.., N), energies and quarter periods (..)."""
         scaled = states / np.sqrt(2.0 * np.asarray(h))[..., None]
-        scaled[..., : len(self.squares)] *= 2.0**self.pace
+        scaled[..., : len(self.squares)] *= 2.0**self.pace if np.any(self.frequencies > 0.0) else 1.0 / np.asarray(alpha)[..., None]
         return np.concatenate([scaled, np.log(h)[..., None], np.log(alpha)[..., None]], axis=-1)
 
 

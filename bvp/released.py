@@ -141,15 +141,6 @@ class ReleasedProblem(ForcedProblem):
                 part[1:, n:] = np.linalg.qr(np.column_stack([gap, np.eye(n)]))[0][:, 1:].T
         return rows
 
-    def _metric(self) -> np.ndarray:
-        """As of forced orbits; a velocity in units of sqrt(2 h/m) of its coordinate, a displacement in the distance that a spring with the
-        frequency of the fastest mode allows it."""
-        n, found = self.degrees_of_freedom, super()._metric()
-        speeds = np.sqrt(2.0 * self.energy / np.diag(self.system.mass))
-        fastest = math.sqrt(float(np.abs(self.modes.squares).max())) or 1.0
-        found[:n], found[n : 2 * n] = speeds / fastest, speeds
-        return found
-
     def rise(self, y: np.ndarray) -> float:
         """The rate of the sum that is zero at the start of a closed orbit without impacts: the orbit starts there while it is above 0."""
         n = self.degrees_of_freedom
@@ -163,7 +154,7 @@ class ReleasedProblem(ForcedProblem):
     def multipliers(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
         """All 2 n multipliers of the full period of an orbit y, by modulus descending: two are 1. NaN where an impact grazes."""
         if not evaluated:
-            self._evaluated(y)
+            self.residual(y)
         found = self.formed_multipliers(y)
         if found is None:
             found = self._multipliers_of_system(y)
@@ -242,10 +233,7 @@ class ReleasedProblem(ForcedProblem):
         other, (plain, at) = self.sibling(self.sequence, pieces=pieces), self._plain(y)
         return other, other._unknowns_of(plain, at, 0.0, y[2 * self.degrees_of_freedom + 1 : self.size].tolist())
 
-    @property
-    def most_pieces(self) -> int:
-        """See `ForcedProblem.most_pieces`."""
-        return MOST_PIECES
+    most_pieces = MOST_PIECES
 
     @property
     def can_be_cut(self) -> bool:

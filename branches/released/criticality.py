@@ -47,7 +47,7 @@ _ZERO = 1e-10
 """A second derivative by the unknowns in their own units that is rounding."""
 
 _STEP = 1e-2
-"""Largest step of differences of the energy, in units of the displacements."""
+"""Largest step of differences of the forces, in units of the displacements."""
 
 _DIFFERENCES = 1e-6
 """Relative error of derivatives that come from differences."""
@@ -246,7 +246,7 @@ class CriticalEquations:
     def _length(self, v: np.ndarray) -> float:
         """The length of a direction at the start of the segment, in the metric of the family in the energy, at fixed energy."""
         system, n = self.problem.system, self.n
-        twice = 2.0 * _energy(self.problem, self.y[: 2 * n])
+        twice = 2.0 * float(system.energy(self.y[:n], self.y[n : 2 * n]))
         state = system.modes.from_state @ v[: 2 * n]
         time, change = float(np.sum(self.problem.flight_times(self.y))), float(np.sum(self.problem.flight_times(v)))
         return math.sqrt(float(state @ state) / twice + (change / time) ** 2)
@@ -331,14 +331,6 @@ def _null_vectors(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     return left, right / math.sqrt(float(right @ right)), 1.0 / size
 
 
-def _energy(problem: ReleasedProblem, state: np.ndarray) -> float:
-    """H of a state (u, v)."""
-    system, n = problem.system, problem.degrees_of_freedom
-    u, v = state[:n], state[n:]
-    smooth = 0.0 if system.smooth_forces is None else float(system.smooth_forces.energy(u))
-    return 0.5 * float(u @ system.stiffness @ u + v @ system.mass @ v) + smooth
-
-
 def _energy_slopes(problem: ReleasedProblem, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The first and second derivatives of H at a state, (2 n,) and (2 n, 2 n); with forces that are Python functions from differences."""
     system, n = problem.system, problem.degrees_of_freedom
@@ -348,7 +340,8 @@ def _energy_slopes(problem: ReleasedProblem, state: np.ndarray) -> tuple[np.ndar
     smooth = system.smooth_forces
     if smooth is not None:
         if smooth.is_called:
-            slopes, bends = _differences(lambda u: float(smooth.energy(u)), state[:n])
+            slopes = smooth.acting(state[:n], np.zeros(n))
+            bends = _differences(lambda u: smooth.acting(u, np.zeros(n)), state[:n])
         else:
             slopes, bends = smooth.energy_slopes(state[:n])
         first[:n] += slopes
@@ -356,18 +349,12 @@ def _energy_slopes(problem: ReleasedProblem, state: np.ndarray) -> tuple[np.ndar
     return first, second
 
 
-def _differences(function: Callable[[np.ndarray], float], u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first and second derivatives of a function, from differences with two steps."""
+def _differences(function: Callable[[np.ndarray], np.ndarray], u: np.ndarray) -> np.ndarray:
+    """The derivatives of a function, (n, n), from differences with two steps."""
     steps = _STEP * (float(np.max(np.abs(u))) or 1.0) * np.array([1.0, 0.5])
-    axes = np.eye(len(u))
-    first, second = np.zeros((2, len(u))), np.zeros((2, len(u), len(u)))
-    for k, step in enumerate(steps):
-        for i, one in enumerate(axes):
-            first[k, i] = (function(u + step * one) - function(u - step * one)) / (2.0 * step)
-            for j, other in enumerate(axes):
-                corners = (a * b * function(u + step * (a * one + b * other)) for a in (1, -1) for b in (1, -1))
-                second[k, i, j] = sum(corners) / (4.0 * step * step)
-    return (4.0 * first[1] - first[0]) / 3.0, (4.0 * second[1] - second[0]) / 3.0
+    first, second = (np.array([function(u + way) - function(u - way) for way in step * np.eye(len(u))]) / (2.0 * step) for step in steps)
+    found: np.ndarray = (4.0 * second - first) / 3.0
+    return found
 
 
 def _breaking(matrix: CriticalEquations) -> Reduced | None:

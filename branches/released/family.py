@@ -116,9 +116,7 @@ class ReleasedFamily(AlongParameters, Family):
         tests[7] = tests[0] * math.copysign(1.0, orbit["branching"]) if self._folds_apart else math.nan
         # Along a family of one value of the parameter the slope is rounding, and near a branch point: see `common_tests`.
         slope, unit = abs(solution["slope"]), solution["steepness"] * self._unit
-        certain = (
-            slope * solution["branching"] ** 2 > self._noise * unit and slope * solution["conditioning"] ** 2 > CONDITION_NOISE * unit
-        )
+        certain = slope * solution["branching"] ** 2 > self._noise * unit and slope * solution["conditioning"] ** 2 > CONDITION_NOISE * unit
         tests[0], tests[1] = solution["slope"] if certain else math.nan, solution["branching"]
         if self.problem.starts_rising:
             tests[3] = self.problem.rise(solution.y)

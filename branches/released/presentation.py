@@ -9,18 +9,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from branches.presentation import canonical_orbit, embed, is_solved_as_it_is, pattern_of, presentation_of, run_backwards
+from branches.presentation import canonical_orbit, embed, is_solved_as_it_is, pattern_of
 from branches.sequences import canonical_sequence, format_ends, impacts_per_period
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
 from bvp.released import ReleasedProblem
 
-__all__ = [
-    "canonical_names", "embedded_orbit", "free_invariants", "from_slower_stop", "order_of", "primitive_free_orbit", "released_orbit",
-]  # fmt: skip
-
-_EQUAL = 1e-9
-"""Part by which two impact speeds are apart if one is slower."""
+__all__ = ["canonical_names", "embedded_orbit", "free_invariants", "order_of", "primitive_free_orbit", "released_orbit"]
 
 
 def canonical_names(problem: ReleasedProblem) -> tuple[str, str]:
@@ -48,19 +43,6 @@ def released_orbit(
     """The problem of an orbit y of the system at values of the parameters, in the parameters of another problem, and its unknowns."""
     found = problem.sibling(plain.sequence, ends=plain.ends, values=values, energy=plain.energy(y))
     return found, found.of_orbit(plain, y)
-
-
-def from_slower_stop(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
-    """The problem and the unknowns of an orbit. In one degree of freedom it starts at a stop, if an end is one; of two, where the impact is
-    slower. Where an impact vanishes, only its speed changes to first order, so a start at the other end does not show how far the family
-    is followed."""
-    first, last = (end.startswith("stop") for end in problem.ends)
-    speeds = abs(problem.start(y)[-1]), abs(problem.end_states(y)[-1, -1])
-    if problem.half > 1 or not last or (first and speeds[0] <= speeds[1] * (1.0 + _EQUAL)):
-        return problem, y
-    turned = run_backwards(problem.system, presentation_of(problem, y))
-    other = MultipointProblem(problem.system, turned.ends, turned.sequence, problem.pieces)
-    return other, turned.unknowns(other)
 
 
 def embedded_orbit(

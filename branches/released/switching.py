@@ -8,6 +8,7 @@ From this orbit the family in the parameter is corrected onto the equations that
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from branches.forced.branch import ForcedEvent
 from branches.grazing.following import meetings_at
 from branches.released.branch import ReleasedBranch
 from branches.released.family import ReleasedFamily
-from branches.released.presentation import from_slower_stop, released_orbit
+from branches.released.presentation import released_orbit
 from branches.switching import TYPES, emanating_families
 from branches.tracing import follow_family
 from bvp.multipoint import MultipointProblem
@@ -30,6 +31,9 @@ FREE_SWITCHES = (*TYPES, "GR")
 
 _AROUND = 1e-3
 """Part of the energy by which the family in the energy is followed around the event."""
+
+_BACK = (-_AROUND, _AROUND, -10.0 * _AROUND, 10.0 * _AROUND)
+"""Arclengths at which an orbit is sought where the first one is beyond the event."""
 
 _SAME = 1e-6
 """Largest relative difference in the energy between an event of the family in the parameter and that of the family in the energy."""
@@ -55,14 +59,21 @@ def switch_released(branch: ReleasedBranch, event: ForcedEvent) -> list[tuple[Re
         if key in seen or key == (branch.problem.ends, branch.problem.sequence) and event.type != "BP":
             continue  # its other side
         values = branch.problem.parameters(branch.unknowns[event.point])
-        released, first = released_orbit(branch.problem, values, *from_slower_stop(problem, y))
-        begin = ReleasedFamily(released).begin(first)
-        if begin.converged and unphysical(begin.extra.problem, begin.extra) is None:
+        released, first = released_orbit(branch.problem, values, problem, y)
+        begin = _first_step(ReleasedFamily(released), first)
+        if begin is not None:
             seen.add(key)
             found.append((released, begin))
     if not found:
         raise RuntimeError(f"no family was found at {event.id}")
     return found
+
+
+def _first_step(family: ReleasedFamily, first: np.ndarray) -> Step | None:
+    """The orbit of a family near another one, that is one: a correction can pass the event."""
+    begin = family.begin(first)
+    beside = (family.step(begin.y, begin.tangent, ds) for ds in _BACK if begin.converged)
+    return next((one for one in chain([begin], beside) if one.converged and unphysical(one.extra.problem, one.extra) is None), None)
 
 
 def _beside(branch: ReleasedBranch, event: ForcedEvent) -> Iterable[tuple[MultipointProblem, np.ndarray]]:

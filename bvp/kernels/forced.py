@@ -26,6 +26,7 @@ from bvp.kernels.flights import velocity_unit
 from bvp.kernels.forced_sticking import AnyFlight, contact_gap, load_modes, modal_load, mode_count, orbit_flight
 from bvp.kernels.free_closure import (
     ends_residuals,
+    energy_gradient,
     fill_ends,
     fill_kept,
     fill_unfolding,
@@ -33,11 +34,12 @@ from bvp.kernels.free_closure import (
     kept_residuals,
     kept_size,
     unfold,
+    whole_time,
 )
 from bvp.kernels.loads import loaded_flight, loaded_rate
 from bvp.kernels.multipoint import PERIODIC, UNFOLDED, evaluate, fill, unpack
 from bvp.kernels.newton import CONVERGED_RESIDUAL, residual_level, scaled_residual, set_scale
-from bvp.kernels.smooth_loads import renew_forces
+from bvp.kernels.smooth_loads import first_kicked, renew_forces
 from bvp.kernels.step import constraint_row, locate, metric_direction, take_step
 from bvp.kernels.summed_chatter import take_impact, take_impact_blocks
 
@@ -304,7 +306,10 @@ def set_loaded_scale(segment, y, factor):
         scale[at + width] = longest
         at += width + 1
     if segment.shape[1] == UNFOLDED:
-        scale[at] = 1.0
+        kick = 0.0
+        for r in range(first_kicked(segment.flight), size):
+            kick = max(kick, abs(energy_gradient(segment.released.entries, y, n, r)) / (displacement if r < n else velocity))
+        scale[at] = 1.0 / kick if kick > 0.0 else 1.0
     return displacement, velocity, longest
 
 
@@ -373,12 +378,10 @@ def locate_loaded(segment, y, out):
     for r in range(size, width):
         unit = segment.scale[r]
         out[r] = math.asinh(y[r] / unit) if unit > 0.0 else math.log(y[r]) if y[r] > 0.0 else -math.inf
-    out[size] = y[size]
     out[width] = math.log(reach)
     loads = segment.flight.loads
-    period = 0.0
-    for i in range(segment.shape[0] + 1):
-        period += y[i * (width + 1) + width]
+    period = whole_time(segment, y)
+    out[size] = y[size] if segment.scale[size] > 0.0 else math.log(period) if period > 0.0 else -math.inf
     if loads.clock[0] > 0.0:
         period = 2.0 * math.pi * loads.load_periods / loads.clock[0]
     return y[size + 1], period
@@ -397,7 +400,7 @@ def metric_direction_loaded(segment, y, position, energy, alpha, tangent, out):
         radial += position[r] * out[r]
     for r in range(size):
         out[r] -= position[r] * radial
-    out[size] = tangent[size]
+    out[size] = tangent[size] if segment.scale[size] > 0.0 else whole_time(segment, tangent) / whole_time(segment, y)
     for r in range(size + 1, width):
         out[r] = tangent[r] / math.hypot(segment.scale[r], y[r])
     out[width] = radial
@@ -417,9 +420,14 @@ def constraint_row_loaded(segment, y, energy, alpha, position, direction, row):
         along -= direction[r] * position[r]
     for r in range(size):
         row[r] = (direction[r] + position[r] * along) / (segment.scale[r] * reach)
-    row[size] = direction[size]
     for r in range(size + 1, width):
         row[r] = direction[r] / math.hypot(segment.scale[r], y[r])
+    if segment.scale[size] > 0.0:
+        row[size] = direction[size]
+        return
+    whole = whole_time(segment, y)
+    for i in range(segment.shape[0] + 1):
+        row[i * (width + 1) + width] = direction[size] / whole
 
 
 @kernel

@@ -16,7 +16,7 @@ from bvp.kernels.compiled import inlined
 from bvp.kernels.contact_mode import apply_impact
 from bvp.kernels.expressions import run
 from bvp.kernels.flight import inner, row_dot
-from bvp.kernels.multipoint import PERIODIC, STOP, UNFOLDED
+from bvp.kernels.multipoint import PERIODIC, STOP, UNFOLDED, total_time
 from bvp.kernels.smooth_loads import evaluate_stored, first_kicked, stored_energy, stored_slope
 
 
@@ -57,9 +57,14 @@ def kept_count(segment):
 
 
 @inlined
+def whole_time(segment, y):
+    """The sum of the flight times in the unknowns y, or in a change of them."""
+    return total_time(segment.start_map, segment.start_map, segment.shape, y)
+
+
+@inlined
 def kept_residuals(segment, y, residual):
     """The user's equations at y, into the closing ones (from the first of them on)."""
-    width = segment.gap.shape[1]
     n = segment.flight.enter.shape[0] // 2
     first = first_kept(segment)
     count, _ = kept_count(segment)
@@ -67,12 +72,9 @@ def kept_residuals(segment, y, residual):
         return
     if knows_energy(segment):
         place = segment.released.values.shape[0]
-        total = 0.0
-        for i in range(segment.shape[0] + 1):
-            total += y[i * (width + 1) + width]
         evaluate_stored(segment.flight, y)
         segment.kept_values[place] = energy_by(segment.released.entries, y, n) + stored_energy(segment.flight, 0)
-        segment.kept_values[place + 1] = total / segment.shape[2]
+        segment.kept_values[place + 1] = whole_time(segment, y) / segment.shape[2]
     run(segment.kept, segment.kept_values, segment.released.scratch, segment.kept_out)
     for e in range(count):
         residual[first + e] = segment.kept_out[e]

@@ -30,6 +30,7 @@ from bvp.kernels.forced_sticking import (
     set_rates,
     watch_forces,
 )
+from bvp.kernels.free_closure import whole_time
 from bvp.kernels.loads import NEAR_RESONANCE, LoadedFlight, off_resonance
 from bvp.kernels.smooth_loads import SmoothLoadedFlight
 from bvp.kernels.sticking import INTERACTION_LEVEL
@@ -410,9 +411,7 @@ def observe_with(segment, watched, extended, y, ends, result):
     shortest_index = 0
     _, reach, _ = motion_size(segment, y, ends)
     speeds = 1.0
-    whole = 0.0
-    for i in range(ends.shape[0]):
-        whole += y[i * (width + 1) + width]
+    whole = whole_time(segment, y)
     at = 0
     for i in range(ends.shape[0]):
         node = y[at : at + width]

@@ -353,10 +353,13 @@ def scaled_free_residual(segment, residual, before, displacement, velocity, long
     full = k + 1 if segment.shape[1] == 1 else k
     for i in range(full):
         unit = velocity_unit(segment.flight, before[i], velocity, longest)
+        along = inner(segment.gap[i, :half], segment.gap[i, :half])
         for r in range(rows):
             value = abs(residual[i * rows + r]) / (unit if half <= r < size else displacement)
             if r == size and i < k and is_cut(segment.flight, segment.side, i):
                 value = 0.0  # each update fulfils equation (45), which is linear
+            elif r == size and along > 0.0:
+                value /= math.sqrt(along)  # a distance in units of length
             if not value <= worst:
                 worst = value
     unit = velocity_unit(segment.flight, before[k], velocity, longest)
@@ -364,7 +367,7 @@ def scaled_free_residual(segment, residual, before, displacement, velocity, long
         total = 0.0
         for c in range(half):
             total += abs(segment.end_map[e, c])
-        value = abs(residual[full * rows + e]) / (displacement if total > 0.0 else unit)
+        value = abs(residual[full * rows + e]) / (displacement * total if total > 0.0 else unit)
         if not value <= worst:
             worst = value
     return worst

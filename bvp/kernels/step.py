@@ -36,6 +36,9 @@ _LONG_ENOUGH = 1e-4
 _AT_MIDDLE = 1e-12
 """Part of the time to the middle by which an impact that is in the second half can be early, by rounding."""
 
+UNPACED = 1 << 20
+"""In place of the power of two in the arclength of a system without a frequency: the unit of time is the quarter period."""
+
 _SHIFT = 0.1
 """Part of a step by which a prediction may be longer than its projection on the tangent."""
 
@@ -208,9 +211,9 @@ class Metric(NamedTuple):
 
 
 @inlined
-def stretch(segment, position, power):
-    """Multiply the displacements of a state by the unit of the arclength, a power of two (1), or divide them (-1)."""
-    unit = 2.0 ** (power * segment.shape[5])
+def stretch(segment, position, alpha, power):
+    """Multiply the displacements of a state by the unit of the arclength (1), or divide them (-1): a power of two, or 1/alpha."""
+    unit = alpha**-power if segment.shape[5] == UNPACED else 2.0 ** (power * segment.shape[5])
     for r in range(segment.flight.matrix.shape[1] // 2):
         position[r] *= unit
 
@@ -231,7 +234,7 @@ def locate_free(segment, y, out):
     speed = math.sqrt(2.0 * energy)
     for r in range(size):
         out[r] /= speed
-    stretch(segment, out, 1)
+    stretch(segment, out, alpha, 1)
     out[size] = math.log(energy)
     out[size + 1] = math.log(alpha) if alpha > 0.0 else -math.inf
     return energy, alpha
@@ -251,7 +254,7 @@ def metric_direction_free(segment, y, position, energy, alpha, tangent, out):
     s = segment.start_map.shape[1]
     speed = math.sqrt(2.0 * energy)
     change = 0.0
-    stretch(segment, position, -1)
+    stretch(segment, position, alpha, -1)
     slope = energy_slope(segment.flight, segment.weights, position[:size], speed)
     for r in range(size):
         total = row_dot(segment.start_map, r, tangent[:s])
@@ -259,10 +262,13 @@ def metric_direction_free(segment, y, position, energy, alpha, tangent, out):
         change += slope_times(slope, r, 1.0) * total
     for r in range(size):
         out[r] -= position[r] * change / (2.0 * energy)
-    stretch(segment, position, 1)
-    stretch(segment, out, 1)
+    stretch(segment, position, alpha, 1)
+    stretch(segment, out, alpha, 1)
     out[size] = change / energy
     out[size + 1] = total_time(segment.flight.matrix, segment.start_map, segment.shape, tangent) / segment.shape[2] / alpha
+    if segment.shape[5] == UNPACED:
+        for r in range(size // 2):
+            out[r] -= position[r] * out[size + 1]
     return change, math.sqrt(inner(out, out))
 
 
@@ -280,21 +286,22 @@ def constraint_row_free(segment, y, energy, alpha, position, direction, row):
     s = segment.start_map.shape[1]
     speed = math.sqrt(2.0 * energy)
     along = inner(direction[:size], position[:size])
+    later = direction[size + 1] - (inner(direction[: size // 2], position[: size // 2]) if segment.shape[5] == UNPACED else 0.0)
     set_1(row, 0.0)
     radial = direction[size] / energy - along / (2.0 * energy)
-    stretch(segment, position, -1)
-    stretch(segment, direction, 1)
+    stretch(segment, position, alpha, -1)
+    stretch(segment, direction, alpha, 1)
     slope = energy_slope(segment.flight, segment.weights, position[:size], speed)
     for j in range(s):
         total = 0.0
         for r in range(size):
             total += segment.start_map[r, j] * (direction[r] / speed + slope_times(slope, r, radial))
         row[j] = total
-    stretch(segment, position, 1)
-    stretch(segment, direction, -1)
+    stretch(segment, position, alpha, 1)
+    stretch(segment, direction, alpha, -1)
     at = s
     for _ in range(segment.shape[0] + 1):
-        row[at] = direction[size + 1] / segment.shape[2] / alpha
+        row[at] = later / segment.shape[2] / alpha
         at += size + 1
 
 

@@ -233,13 +233,8 @@ CASES = {
     "doubling of a quarter period": ("S11O00-", "PD", 1, "PD", ("origin", "origin"), "period doubling"),
     "doubling, with an inner impact": ("S31O11-", "PD", 1, "PD", ("origin", "origin"), "period doubling"),
     "half-period symmetry": (
-        "S31O11-",
-        "SB",
-        1,
-        "SB",
-        ("origin", "stop+"),
-        "half-period symmetry breaks, the reversal about the start stays",
-    ),
+        "S31O11-", "SB", 1, "SB", ("origin", "stop+"), "half-period symmetry breaks, the reversal about the start stays",
+    ),  # fmt: skip
     "last reversal": ("U21-", "SB", 1, "SB", ("origin", "origin"), "the last reversal is broken"),
     "touch": ("U21-", "GR", 1, "GR", ("origin", "origin"), "vanishes"),
     "branch point": ("U21-", "BP", 1, "SB", ("origin", "stop+"), "half-period symmetry breaks, the reversal about the start stays"),

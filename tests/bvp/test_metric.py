@@ -8,15 +8,18 @@ from bvp.forced_metric import position_slopes
 from bvp.kernels.step import constraint_row, locate, metric_direction
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
-from bvp.system import vibro_impact_nes
+from bvp.released import ReleasedProblem
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment, chain
+
+PERIODIC = ("periodic", "periodic")
 
 
 def position_of(problem, y):
     """(start displacements times a frequency, and velocities, / sqrt(2 h); log h, log alpha)."""
     h, squares = problem.energy(y), problem.system.modes.squares
-    power = np.floor(0.5 * np.log2(squares[squares > 0.0].min()) + 0.6)
-    unit = np.repeat([2.0**power, 1.0], len(squares))
+    power = np.floor(0.5 * np.log2(squares[squares > 0.0].min()) + 0.6) if squares.any() else None
+    unit = np.repeat([2.0**power if power is not None else 1.0 / problem.quarter_period(y), 1.0], len(squares))
     return np.concatenate([unit * problem.start(y) / np.sqrt(2.0 * h), [np.log(h), np.log(problem.quarter_period(y))]])
 
 
@@ -24,8 +27,10 @@ def problems():
     rng = np.random.default_rng(11)
     problem, y = backbone_segment(vibro_impact_nes(), 0.9, 3)
     yield problem, y
-    for ends, sequence in ((("rest", "stop+"), ("-",)), (("stop-", "origin"), ()), (("periodic", "periodic"), ("+", "-", "+"))):
-        problem = MultipointProblem(chain(rng, 3, grounded=True), ends, sequence)
+    loose = ImpactSystem(np.diag([1.0, 2.0]), np.zeros((2, 2)), np.zeros((2, 2)), [Stop((1.0, -1.0), -1.0, 1.0)])
+    cases = [(("rest", "stop+"), ("-",)), (("stop-", "origin"), ()), (PERIODIC, ("+", "-", "+"))]
+    for system, (ends, sequence) in [*((chain(rng, 3, grounded=True), case) for case in cases), (loose, cases[1])]:
+        problem = MultipointProblem(system, ends, sequence)
         y = rng.normal(size=problem.unknowns)
         problem.flight_times(y)[:] = rng.uniform(0.5, 1.5, problem.inner + 1)
         yield problem, y
@@ -59,14 +64,23 @@ def forced_problem(**values):
     return ForcedProblem(ParametricSystem.from_description(description), ("+",), ["w", "s", "A"], keep=["s = 0.1*w", "A = 3*s"])
 
 
-def test_forced_coordinates_against_differences():
-    problem, rng = forced_problem(), np.random.default_rng(3)
+def free_problem():
+    """m x'' + k x = 0, x <= s, with two impacts a period, in m, s and k."""
+    system = {"mass": [["m"]], "stiffness": [["k"]], "stops": [{"c": [1.0], "upper": "s", "restitution": 1.0}]}
+    parametric = ParametricSystem.from_description({"parameters": {"m": 2.0, "s": 0.1, "k": 1.0}, "system": system})
+    return ReleasedProblem(parametric, PERIODIC, ("+", "+"), ["m", "s", "k"], ["energy = m", "s = k", "energy = 1"])
+
+
+@pytest.mark.parametrize("free", [0, 1])
+def test_coordinates_in_parameters_against_differences(free):
+    problem, rng = (forced_problem, free_problem)[free](), np.random.default_rng(3)
     units = problem.segment.scale
     for size in (1e-3, 1.0, 1e3):
-        y = problem.pack(size * rng.normal(size=(1, 2)), [0.3], [1.7, -0.2 * size, size])
+        y = problem.pack(size * rng.normal(size=(1 + free, 2)), [0.3] * (1 + free), [1.7, -0.2 * size, size], [[1.0], [0.7, 1.1]][free])
+        time = np.log(1.8) if free else 0.3
         x = y[:2] / units[:2]
         reach = np.sqrt(1.0 + x @ x)
-        plain = [*(x / reach), 0.3, np.log(1.7), np.arcsinh(-0.2 * size / units[4]), np.arcsinh(size / units[5]), np.log(reach)]
+        plain = [*(x / reach), time, np.log(1.7), np.arcsinh(-0.2 * size / units[4]), np.arcsinh(size / units[5]), np.log(reach)]
         position, direction, change, row = np.empty(7), rng.normal(size=7), np.empty(7), np.empty(problem.unknowns)
         value, period = locate(problem.segment, y, position)
         np.testing.assert_allclose(position, plain, rtol=1e-14)

@@ -14,27 +14,10 @@ from bvp.programs import derivative, evaluate_program, program_of, scratch_size
 
 NAMES = ("a", "b", "c")
 TEXTS = [
-    "a",
-    "3",
-    "-a - b - 2",
-    "1 - a",
-    "a + b + c",
-    "(a + b)*c/3",
-    "a*b/(c*(a + 1))",
-    "0.3*a**2 - b**3 + c**-2",
-    "(a + b)**7",
-    "a**1.5 + b**-0.5 + a**0.3",
-    "2**a*b**c",
-    "sqrt(a**2 + b**2)",
-    "1/(a + b)",
-    "exp(-a*b)*log(c + 2)",
-    "sin(a)*cos(b)*tan(c/3)",
-    "sinh(a) + cosh(b) - tanh(c)",
-    "abs(a - b)*abs(c)",
-    "abs(sqrt(a) - log(b))",
-    "a*(0.1 + 0.2)",
-    "sqrt(2)*a",
-]
+    "a", "3", "-a - b - 2", "1 - a", "a + b + c", "(a + b)*c/3", "a*b/(c*(a + 1))", "0.3*a**2 - b**3 + c**-2", "(a + b)**7",
+    "a**1.5 + b**-0.5 + a**0.3", "2**a*b**c", "sqrt(a**2 + b**2)", "1/(a + b)", "exp(-a*b)*log(c + 2)", "sin(a)*cos(b)*tan(c/3)",
+    "sinh(a) + cosh(b) - tanh(c)", "abs(a - b)*abs(c)", "abs(sqrt(a) - log(b))", "a*(0.1 + 0.2)", "sqrt(2)*a",
+]  # fmt: skip
 POINTS = [(0.7, 1.3, 2.1), (0.05, 3.0, 0.4), (2.5, 0.6, 1e-3)]
 
 

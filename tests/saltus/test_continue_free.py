@@ -12,8 +12,11 @@ import saltus
 from benchmarks.backbone import Backbone
 from branches.naming.at_modes import orbit_at_mode
 from tests.saltus.running import read_json, refused, run
+from tests.units import CHANGES, Units
 
 pytestmark = pytest.mark.usefixtures("folder")
+
+UNITS = Units()
 
 
 def rows_of(path):
@@ -151,13 +154,14 @@ def test_bad_input_with_a_file(capsys):
     refused(run(capsys, "continue", "--from", "a.json", "--in", "sigma", "--keep", "energy=1"), "--range LO:HI is required")
 
 
-def scene_under_gravity(path, mass, stiffness, stops, loads, parameters, springs=""):
+def scene_under_gravity(path, mass, stiffness, stops, loads, parameters, springs="", units=UNITS):
     """Write a scene under constant loads."""
     names = [f"y{k + 1}" for k in range(len(mass))]
     tables = "".join(f"[[stops]]\nc = {c}\nlower = {lower!r}\n" for c, lower in stops)
     tables += "".join(f'[[forces]]\non = "{name}"\nconstant = "{load}"\n' for name, load in zip(names, loads, strict=True))
     values = "".join(f"{name} = {value!r}\n" for name, value in parameters.items())
-    bounds = "[bounds]\nenergy = [0.01, 50.0]\nquarter_period = 8.0\nimpacts = 4\n"
+    low, high, longest = 0.01 * units.of("energy"), 50.0 * units.of("energy"), 8.0 * units.time
+    bounds = f"[bounds]\nenergy = [{low!r}, {high!r}]\nquarter_period = {longest!r}\nimpacts = 4\n"
     system = f"[system]\nmass = {mass}\nstiffness = {stiffness}\n"
     path.write_text(f"[parameters]\n{values}{system}{springs}{tables}[coordinates]\nnames = {names}\n{bounds}".replace("'", '"'))
     return path
@@ -360,6 +364,40 @@ def test_a_ball_between_a_floor_and_a_ceiling_reaches_the_ceiling(capsys, tmp_pa
         np.testing.assert_allclose(alpha[:-1], 0.5 * (3.0 - np.sqrt(9.0 - 4.0 * g[:-1])) / g[:-1], rtol=1e-6)
 
 
+@pytest.mark.parametrize("start", ["1,-2", f"-1.5,{2.75**0.5!r}"])
+def test_a_mass_between_two_stops_reaches_the_other_one(capsys, tmp_path, start):
+    """Oracle: x = A sin t between -1.5 and b, A^2 = 2 h = 5: T = 2 (asin(b/A) + asin(1.5/A)), and the impact at b vanishes at b = A."""
+    system = scene_under_gravity(tmp_path / "s.toml", [[1.0]], [[1.0]], [([1.0], -1.5), ([-1.0], "-b")], ["0*b"], {"b": 1.0})
+    words = ("--from", "simulate", "--start", start, "--in", "b", "--range", "0.1:6", "--keep", "energy=2.5", "--csv", "a.csv")
+    assert run(capsys, "continue", "--scene", system, *words)[0] == 0
+    b, alpha = (np.array([float(row[key]) for row in rows_of("a.csv")]) for key in ("b", "alpha"))
+    assert (b.min(), b.max()) == pytest.approx((0.1, np.sqrt(5.0)), rel=1e-10)
+    np.testing.assert_allclose(2.0 * alpha, np.arcsin(np.minimum(b / np.sqrt(5.0), 1.0)) + np.arcsin(1.5 / np.sqrt(5.0)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("units", CHANGES)
+def test_motion_without_a_frequency_in_other_units(capsys, tmp_path, units):
+    """Oracle: a ball reaches the ceiling y = 2 where 2 m g = h; of a rod T = 4 sqrt(H/(5 m))/g. The points are as many in all units."""
+    counts = []
+    for one in (UNITS, units):
+        length, speed, h, g, m = (one.of(what) for what in ("length", "speed", "energy", "acceleration", "mass"))
+        gaps, mass = [([1.0], 0.0), ([-1.0], -2.0 * length)], [["m/3", "m/6"], ["m/6", "m/3"]]
+        ball = scene_under_gravity(tmp_path / "s.toml", [["m"]], [[0.0]], gaps, ["-m*g"], {"m": m, "g": g}, units=one)
+        gaps = [([1.0, 0.0], 0.0), ([0.0, 1.0], 0.0)]
+        rod = scene_under_gravity(tmp_path / "r.toml", mass, [[0.0] * 2] * 2, gaps, ["-m*g/2"] * 2, {"m": m, "g": g}, units=one)
+        begun = ["simulate", "--in", "g", "--range", f"{0.5 * g!r}:{3 * g!r}", "--keep", f"energy={4.5 * h!r}", "--start"]
+        fall, rock = f"0,{3 * speed!r}", f"0,{6 * length!r},{4 * speed!r},{-2 * speed!r}"
+        for scene, words, reached in ((ball, ["mode:1"], 2.0), (ball, [*begun, fall], 2.25), (rod, [*begun, rock], 3.0)):
+            assert run(capsys, "continue", "--scene", scene, "--csv", "a.csv", "--from", *words)[0] == 0
+            rows = rows_of("a.csv")
+            end = max(float(row["h"]) / h if len(words) == 1 else float(row["g"]) / g for row in rows)
+            assert end == pytest.approx(reached, rel=1e-10)
+            for row in rows if scene == rod else ():
+                assert float(row["alpha"]) == pytest.approx(np.sqrt(float(row["h"]) / (5.0 * m)) / float(row["g"]), rel=1e-10)
+            counts.append(len(rows))
+    assert np.abs(np.subtract(counts[:3], counts[3:])).max() <= 2
+
+
 def test_the_grazing_of_one_degree_of_freedom(capsys, tmp_path):
     """Oracle: the impact at x = b vanishes where the potential there is h: (g - 1) b + b^2/2 = 0.5 at b = -1/2 from rest at y = -1, so
     g = 1/4; k b^2/2 + a b^4/4 = h. Beyond it the family has no impact, T = 2 pi/sqrt(k/m). A coefficient can be 0 at the start."""
@@ -380,19 +418,8 @@ def test_the_grazing_of_one_degree_of_freedom(capsys, tmp_path):
     springs = '[[springs]]\non = "y1"\nstiffness = "a"\npower = 3\n'
     plain = scene_under_gravity(tmp_path / "p.toml", [[1.0]], [["k"]], [([1.0], -0.5)], ["0*k"], {"k": 1.0, "a": 0.0}, springs)
     for name, expected in (("k", 8 * 0.2), ("a", (0.2 - 0.125) * 64)):
-        words = (
-            "--from",
-            "mode:1",
-            "--in",
-            name,
-            "--range",
-            f"{-0.1 if name == 'a' else 0.5}:6",
-            "--keep",
-            "energy=0.2",
-            "--json",
-            "a.json",
-        )
-        assert run(capsys, "continue", "--scene", plain, *words)[0] == 0
+        words = ("--in", name, "--range", f"{-0.1 if name == 'a' else 0.5}:6", "--keep", "energy=0.2", "--json", "a.json")
+        assert run(capsys, "continue", "--scene", plain, "--from", "mode:1", *words)[0] == 0
         (grazing,) = (event for event in read_json("a.json")["branches"][0]["events"] if event["type"] == "GR")
         assert grazing["values"][name] == pytest.approx(expected, rel=1e-10)
 

@@ -59,21 +59,8 @@ def run_command(line, folder, capsys):
             assert (folder / value).stat().st_size > 0, line
 
 
-LONG = [
-    ROOT / "docs" / name
-    for name in (
-        "how-to/curves.md",
-        "how-to/damped.md",
-        "how-to/families.md",
-        "how-to/figures.md",
-        "how-to/forced.md",
-        "how-to/sections.md",
-        "how-to/smooth.md",
-        "how-to/studies.md",
-        "limit.md",
-        "tutorial.md",
-    )
-]
+_HOW_TO = ("curves", "damped", "families", "figures", "forced", "sections", "smooth", "studies")
+LONG = [ROOT / "docs" / f"{name}.md" for name in (*(f"how-to/{page}" for page in _HOW_TO), "limit", "tutorial")]
 """Pages whose commands take long. They run in tests/full; here their command lines are read."""
 
 

@@ -15,7 +15,6 @@ from branches.forced.onwards import MOST_BRANCHES, ResponseStart, follow_onwards
 from branches.forced.tracing import SWITCHES, switch_response
 from branches.orbit import Orbit
 from branches.released.branch import ReleasedBranch
-from branches.released.presentation import from_slower_stop
 from branches.released.switching import switch_released
 from bvp.multipoint import NotConverged
 from bvp.parameters import ParametricSystem
@@ -175,9 +174,8 @@ def _parts(system: ImpactSystem) -> tuple[np.ndarray, ...]:
 
 
 def _require_inside(name: str, value: float, interval: tuple[float, float]) -> None:
-    low, high = interval
-    if not low <= value <= high:
-        raise ValueError(f"the range {low:g} to {high:g} has not the value {name} = {value:g}; expected it inside")
+    if not interval[0] <= value <= interval[1]:
+        raise ValueError(f"the range {interval[0]:g} to {interval[1]:g} has not the value {name} = {value:g}; expected it inside")
 
 
 def orbit_start(
@@ -192,10 +190,9 @@ def orbit_start(
     NotConverged
         If no orbit near it fulfils them.
     """
-    plain, y = from_slower_stop(orbit.problem, orbit.solution.y)
-    problem = ReleasedProblem(system, plain.ends, plain.sequence, names, keep, energy=orbit.h)
+    problem = ReleasedProblem(system, orbit.ends, orbit.problem.sequence, names, keep, energy=orbit.h)
     try:
-        return ResponseStart(problem, problem.solve(problem.of_orbit(plain, y)).y, direction)
+        return ResponseStart(problem, problem.solve(problem.of_orbit(orbit.problem, orbit.solution.y)).y, direction)
     except NotConverged as error:
         raise NotConverged(f"no orbit near {orbit.label or '-'.join(orbit.ends)} fulfils {' and '.join(keep)}: {error}") from None
 
