@@ -40,7 +40,7 @@ FORM = "mode:K, mode:K,cover=N or mode:K,cover=N,ENDS:SEQUENCE"
 LOWEST = 1e-8
 """Energy at which the family of a linear mode begins where no range is given."""
 
-SHORTEST = 1e-9
+SHORTEST = 1e-60
 """Time, in which no motion comes to rest, from which the quarter period is searched where the linear part does not oscillate."""
 
 HALVED = 20

@@ -16,8 +16,6 @@ from tests.units import CHANGES, Units
 
 pytestmark = pytest.mark.usefixtures("folder")
 
-UNITS = Units()
-
 
 def rows_of(path):
     """The rows of a CSV file."""
@@ -154,16 +152,15 @@ def test_bad_input_with_a_file(capsys):
     refused(run(capsys, "continue", "--from", "a.json", "--in", "sigma", "--keep", "energy=1"), "--range LO:HI is required")
 
 
-def scene_under_gravity(path, mass, stiffness, stops, loads, parameters, springs="", units=UNITS):
+def scene_under_gravity(path, mass, stiffness, stops, loads, parameters, springs="", bounds=(0.01, 50.0, 8.0)):
     """Write a scene under constant loads."""
     names = [f"y{k + 1}" for k in range(len(mass))]
     tables = "".join(f"[[stops]]\nc = {c}\nlower = {lower!r}\n" for c, lower in stops)
     tables += "".join(f'[[forces]]\non = "{name}"\nconstant = "{load}"\n' for name, load in zip(names, loads, strict=True))
     values = "".join(f"{name} = {value!r}\n" for name, value in parameters.items())
-    low, high, longest = 0.01 * units.of("energy"), 50.0 * units.of("energy"), 8.0 * units.time
-    bounds = f"[bounds]\nenergy = [{low!r}, {high!r}]\nquarter_period = {longest!r}\nimpacts = 4\n"
+    limits = f"[bounds]\nenergy = {[*bounds[:2]]}\nquarter_period = {bounds[2]!r}\nimpacts = 4\n"
     system = f"[system]\nmass = {mass}\nstiffness = {stiffness}\n"
-    path.write_text(f"[parameters]\n{values}{system}{springs}{tables}[coordinates]\nnames = {names}\n{bounds}".replace("'", '"'))
+    path.write_text(f"[parameters]\n{values}{system}{springs}{tables}[coordinates]\nnames = {names}\n{limits}".replace("'", '"'))
     return path
 
 
@@ -379,19 +376,19 @@ def test_a_mass_between_two_stops_reaches_the_other_one(capsys, tmp_path, start)
 def test_motion_without_a_frequency_in_other_units(capsys, tmp_path, units):
     """Oracle: a ball reaches the ceiling y = 2 where 2 m g = h; of a rod T = 4 sqrt(H/(5 m))/g. The points are as many in all units."""
     counts = []
-    for one in (UNITS, units):
+    for one in (Units(), units):
         length, speed, h, g, m = (one.of(what) for what in ("length", "speed", "energy", "acceleration", "mass"))
+        bounds = 0.01 * h, 50.0 * h, 8.0 * one.time
         gaps, mass = [([1.0], 0.0), ([-1.0], -2.0 * length)], [["m/3", "m/6"], ["m/6", "m/3"]]
-        ball = scene_under_gravity(tmp_path / "s.toml", [["m"]], [[0.0]], gaps, ["-m*g"], {"m": m, "g": g}, units=one)
-        gaps = [([1.0, 0.0], 0.0), ([0.0, 1.0], 0.0)]
-        rod = scene_under_gravity(tmp_path / "r.toml", mass, [[0.0] * 2] * 2, gaps, ["-m*g/2"] * 2, {"m": m, "g": g}, units=one)
+        ball = scene_under_gravity(tmp_path / "s.toml", [["m"]], [[0.0]], gaps, ["-m*g"], {"m": m, "g": g}, bounds=bounds)
+        ends, loads, free = [([1.0, 0.0], 0.0), ([0.0, 1.0], 0.0)], ["-m*g/2"] * 2, [[0.0, 0.0]] * 2
+        rod = scene_under_gravity(tmp_path / "r.toml", mass, free, ends, loads, {"m": m, "g": g}, bounds=bounds)
         begun = ["simulate", "--in", "g", "--range", f"{0.5 * g!r}:{3 * g!r}", "--keep", f"energy={4.5 * h!r}", "--start"]
         fall, rock = f"0,{3 * speed!r}", f"0,{6 * length!r},{4 * speed!r},{-2 * speed!r}"
         for scene, words, reached in ((ball, ["mode:1"], 2.0), (ball, [*begun, fall], 2.25), (rod, [*begun, rock], 3.0)):
             assert run(capsys, "continue", "--scene", scene, "--csv", "a.csv", "--from", *words)[0] == 0
             rows = rows_of("a.csv")
-            end = max(float(row["h"]) / h if len(words) == 1 else float(row["g"]) / g for row in rows)
-            assert end == pytest.approx(reached, rel=1e-10)
+            assert max(float(row["h"]) / h if len(words) == 1 else float(row["g"]) / g for row in rows) == pytest.approx(reached, rel=1e-10)
             for row in rows if scene == rod else ():
                 assert float(row["alpha"]) == pytest.approx(np.sqrt(float(row["h"]) / (5.0 * m)) / float(row["g"]), rel=1e-10)
             counts.append(len(rows))

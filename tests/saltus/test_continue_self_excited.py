@@ -6,8 +6,10 @@ import math
 import numpy as np
 import pytest
 
+from bvp.system import ImpactSystem, Stop
 from tests.branches.test_forced_closures import closed_form
 from tests.saltus.running import read_branch, refused, run
+from transitions.response.free import settle_free
 
 SCENE = """
 title = "A self-excited oscillator with a stop"
@@ -130,12 +132,17 @@ def test_bad_input(capsys, folder):
 
 def test_motions_that_do_not_settle_are_reported_with_their_rate():
     """Oracle: two uncoupled self-excited oscillators of incommensurate frequencies make a torus; their common motion returns never."""
-    from bvp.system import ImpactSystem, Stop
-    from transitions.response.free import settle_free
-
     stops = [Stop((1.0, 0.0), upper=1.0, restitution=0.6), Stop((0.0, 1.0), upper=1.0, restitution=0.6)]
     system = ImpactSystem(np.eye(2), -0.1 * np.eye(2), np.diag([1.0, 2.0]), stops)
     found = settle_free(system, [], [0.5, 0.4], [0.0, 0.0])
     assert found.kind.name == "NOT_CONVERGED"
     assert found.text.startswith("it has not settled (after 16384 impacts; a return after ")
     assert found.text.endswith("it converges slowly, or it is a torus or chaos") and found.distance > 1e-6
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_motion_without_a_frequency_settles_in_each_unit_of_time(unit):
+    """Oracle: x'' = x'/10 between stops at -1 and 1, r = 0.9: after impacts v = 0.9 (v + 0.2) = 1.8, and T = 20 ln(2/1.8)."""
+    system = ImpactSystem([[1.0]], [[-0.1 / unit]], [[0.0]], [Stop((1.0,), lower=-1.0, upper=1.0, restitution=0.9)])
+    found = settle_free(system, [], [0.0], [1.0 / unit])
+    assert found.period_of_loads == pytest.approx(20.0 * math.log(2.0 / 1.8) * unit, rel=1e-9)

@@ -85,7 +85,7 @@ def settle_free(system: ImpactSystem, forces: Sequence[Force], u: Any = None, v:
     zero = np.zeros(n)
     simulator = Simulator(system, list(forces))
     vibrating = np.sqrt(np.abs(system.modes.squares[system.modes.squares != 0.0]))
-    slowest = float(vibrating.min()) if len(vibrating) else 1.0
+    slowest = float(vibrating.min()) if len(vibrating) else float(np.abs(system.damping).max() / np.abs(system.mass).max()) or 1.0
     impacts, last, duration = FIRST, math.nan, _PERIODS * 2.0 * math.pi / slowest
     u, v = (zero if given is None else given for given in (u, v))
     constant = sum((force.load for force in forces if isinstance(force, Constant)), zero)
