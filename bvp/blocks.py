@@ -13,13 +13,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
 
 import numpy as np
 
 from bvp.checks import EPSILON
 
 __all__ = [
-    "Blocks", "Matrices", "blocks_of", "coupled_groups", "cut", "decay_rates", "exact_product", "jacobi", "traceless",
+    "Blocks", "Matrices", "blocks_of", "coupled_groups", "cut", "decay_rates", "exact", "exact_product", "jacobi", "traceless",
 ]  # fmt: skip
 
 SWEEPS = 60
@@ -31,6 +33,12 @@ LIGHT = 0.1
 SEPARATION_LIMIT = 30.0
 """Largest entry of a Sylvester solution that still counts as a well-conditioned cut; rounding errors grow by about this
 factor."""
+
+REFINEMENTS = 3
+"""Most steps of refinement with exact residuals. Each adds nearly sixteen digits, or doubles them."""
+
+exact = np.vectorize(Fraction, otypes=[object])
+"""The exact numbers, as fractions, of an array of doubles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +85,7 @@ def blocks_of(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> Bloc
         damping = shapes.T @ system.damping @ shapes
         # Repeat: a rotated shape can touch a damper that it did not touch before: a free translation must not seem to be damped.
         damping = np.where(np.abs(damping) <= _noise(system, squares, shapes), 0.0, damping)
-    to_state, from_state = (np.zeros((2 * n, 2 * n)) for _ in range(2))
-    to_state[:n, :n] = to_state[n:, n:] = shapes
-    from_state[:n, :n] = from_state[n:, n:] = shapes.T @ system.mass
+    to_state, from_state = np.kron(np.eye(2), shapes), np.kron(np.eye(2), shapes.T @ system.mass)
     own = damping.diagonal()
     if np.count_nonzero(damping) == np.count_nonzero(own):
         matrix, half = np.eye(2 * n, k=n), 0.5 * own
@@ -87,48 +93,85 @@ def blocks_of(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> Bloc
         q, p = pairs.T
         matrix[p, q], matrix[p, p] = -squares, -own
         return Blocks("uncoupled", shapes, pairs, -half, half * half - squares, matrix, to_state, from_state)
-    two = np.eye(2)
-    pieces: list[np.ndarray] = []
-    columns: list[np.ndarray] = []
-    rows: list[np.ndarray] = []
+    found = []
     for group in coupled_groups(damping):
         index = np.array([*group, *(n + k for k in group)])
-        if len(group) == 1:
-            k = group[0]
-            blocks, forward, backward = [np.array([[0.0, 1.0], [-squares[k], -damping[k, k]]])], two, two
-        else:
+        right, left, k = to_state[:, index], from_state[index], group[0]
+        blocks = [np.array([[0.0, 1.0], [-squares[k], -damping[k, k]]])]
+        if len(group) > 1:
             blocks, forward, backward = _coupled_blocks(squares[list(group)], damping[np.ix_(group, group)])
-        pieces += blocks
-        columns.append(to_state[:, index] @ forward)
-        rows.append(backward @ from_state[index])
-    matrix = np.zeros((2 * n, 2 * n))
-    layout = []
-    start = 0
-    for piece in pieces:
-        stop = start + len(piece)
-        matrix[start:stop, start:stop] = piece
-        layout.append((start, start + 1 if len(piece) == 2 else -len(piece)))
-        start = stop
-    pairs = np.array(layout, dtype=np.int64)
-    to_state = np.hstack(columns)
-    _refine_decay(system, matrix, pairs, to_state)
+            blocks, right, left = _apart(system, blocks, right @ forward, backward @ left, bool(squares[list(group)].all()))
+        found.append((blocks, right, left))
+    parts, columns, rows = zip(*found, strict=True)
+    pieces = [piece for part in parts for piece in part]
+    ends = np.cumsum([len(piece) for piece in pieces]).tolist()
+    places = [(end - len(piece), end - 1 if len(piece) == 2 else -len(piece)) for end, piece in zip(ends, pieces, strict=True)]
+    matrix, pairs = _diagonal(pieces), np.array(places, dtype=np.int64)
     mean, delta = traceless(matrix, pairs)
-    return Blocks("coupled", shapes, pairs, mean, delta, matrix, to_state, np.vstack(rows))
+    return Blocks("coupled", shapes, pairs, mean, delta, matrix, np.hstack(columns), np.vstack(rows))
 
 
-def _refine_decay(system: Matrices, matrix: np.ndarray, pairs: np.ndarray, to_state: np.ndarray) -> None:
-    """Write the decay of lightly damped modes, of which a Schur form leaves few digits, into the diagonals of their pairs."""
-    rounding = 16.0 * len(matrix) * EPSILON * np.abs(matrix).max()
-    for i, j in pairs:
-        if j < 0 or matrix[i, i] != matrix[j, j] or not matrix[i, j] * matrix[j, i] < 0.0:
+def _diagonal(blocks: list[np.ndarray]) -> np.ndarray:
+    """The matrix of blocks."""
+    from scipy.linalg import block_diag
+
+    return np.array(block_diag(*blocks))
+
+
+def _refine_decay(system: Matrices, blocks: list[np.ndarray], right: np.ndarray) -> None:
+    """Write the decay of lightly damped modes, of which a Schur form leaves few digits, into the diagonals of their pairs. right (2n, m):
+    their columns."""
+    rounding = 16.0 * len(right) * EPSILON * max(float(np.abs(block).max()) for block in blocks)
+    ends = np.cumsum([len(block) for block in blocks])
+    for block, end in zip(blocks, ends, strict=True):
+        if len(block) != 2 or block[0, 0] != block[1, 1] or not block[0, 1] * block[1, 0] < 0.0:
             continue
-        frequency = np.sqrt(-matrix[i, j] * matrix[j, i])
-        if abs(matrix[i, i]) > LIGHT * frequency:
+        frequency = np.sqrt(-block[0, 1] * block[1, 0])
+        if abs(block[0, 0]) > LIGHT * frequency:
             continue
-        shape = to_state[:, i] * matrix[i, j] + to_state[:, j] * (1j * frequency)
+        shape = right[:, end - 2] * block[0, 1] + right[:, end - 1] * (1j * frequency)
         (mean,) = decay_rates(system, shape[:, None])
-        if abs(mean - matrix[i, i]) <= rounding:
-            matrix[i, i] = matrix[j, j] = mean
+        if abs(mean - block[0, 0]) <= rounding:
+            block[0, 0] = block[1, 1] = mean
+
+
+def _apart(
+    system: Matrices, blocks: list[np.ndarray], right: np.ndarray, left: np.ndarray, is_held: bool
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Blocks of one group, with their columns (2n, m) of (u, v) and the rows (m, 2n) that give them, where real rates are far above others.
+
+    A Schur form leaves the slow ones the rounding of the fast ones. Rates far apart are separated by Newton's method: the columns are
+    exact numbers, and so are the forces of the dampers, which nearly cancel in slow motion."""
+    rates = [np.linalg.eigvals(block) for block in blocks]
+    order = sorted(range(len(blocks)), key=lambda k: -np.abs(rates[k]).max())
+    sizes = [float(np.abs(rates[k]).max()) for k in order]
+    cuts = [i for i in range(1, len(order)) if sizes[i - 1] > SEPARATION_LIMIT * sizes[i]]
+    if not (is_held and cuts) or all(np.iscomplex(rates[k]).any() for k in order[: cuts[-1]]):
+        _refine_decay(system, blocks, right)
+        return blocks, right, left
+    place = np.split(np.arange(len(left)), np.cumsum([len(block) for block in blocks])[:-1])
+    parts = [np.concatenate([place[k] for k in part]) for part in np.split(order, cuts)]
+    own, columns, damping = _diagonal(blocks), exact(right), exact(system.damping)
+    for _ in range(REFINEMENTS):
+        u, v = np.split(columns.astype(float), 2)
+        force = exact_product(system.stiffness, u) + (damping @ columns[len(u) :]).astype(float)
+        residual = left @ np.vstack([v - u @ own, -np.linalg.solve(system.mass, force) - v @ own])
+        turn = np.zeros_like(own)
+        for a, b in product(parts, parts):
+            here = residual[np.ix_(a, b)]
+            if a is b:
+                own[np.ix_(a, a)] += here
+            else:
+                operator = np.kron(own[np.ix_(a, a)], np.eye(len(b))) - np.kron(np.eye(len(a)), own[np.ix_(b, b)].T)
+                turn[np.ix_(a, b)] = np.linalg.solve(operator, -here.ravel()).reshape(here.shape)
+        columns = columns + exact(np.vstack([u, v]) @ turn)
+        left = np.linalg.solve(np.eye(len(own)) + turn, left)
+        if np.abs(turn).max() <= np.sqrt(EPSILON):
+            break
+    right, index = columns.astype(float), np.concatenate(parts)
+    found = [cut(own[np.ix_(part, part)]) for part in parts]
+    pieces, forward, backward = zip(*found, strict=True)
+    return sum(pieces, []), right[:, index] @ _diagonal(forward), _diagonal(backward) @ left[index]
 
 
 def _noise(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> np.ndarray:
@@ -273,15 +316,12 @@ def _schur_size(t: np.ndarray, start: int) -> int:
 def _nearest(t: np.ndarray, start: int, end: int) -> int:
     """Where the block after `end` begins whose eigenvalue is nearest to one of the cluster start..end."""
     cluster = np.linalg.eigvals(t[start:end, start:end])
-    best, distance = end, np.inf
-    k = end
-    while k < len(t):
+
+    def apart(k: int) -> float:
         width = _schur_size(t, k)
-        apart = np.abs(np.linalg.eigvals(t[k : k + width, k : k + width])[:, None] - cluster).min()
-        if apart < distance:
-            best, distance = k, apart
-        k += width
-    return best
+        return float(np.abs(np.linalg.eigvals(t[k : k + width, k : k + width])[:, None] - cluster).min())
+
+    return min((k for k in range(end, len(t)) if t[k, k - 1] == 0.0), key=apart)
 
 
 def traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

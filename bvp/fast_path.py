@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.blocks import decay_rates
+from bvp.blocks import decay_rates, exact
 from bvp.forcing import budget_terms, forcing_of, split_damping
 from bvp.kernels import fast_path as kernels
 from bvp.kernels import two_modes as places
@@ -131,7 +130,7 @@ def fast_path_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = 
     if not np.all(mean <= 0.0):
         return None
     frequency = rates.imag
-    rate = [Fraction(float(value)) for pair in zip(mean, frequency, strict=True) for value in pair]
+    rate = exact(np.stack([mean, frequency], axis=1).ravel())
     push, push_rest = two_parts(impulse_direction(energy_form(system, mean + 1j * frequency, shapes), rate))
     compliance = gap @ inverse @ gap
     step = STEP / float(np.abs(rates).max())

@@ -73,9 +73,8 @@ def forced_mode(system: Any, contacts: Sequence[int], units: np.ndarray, physica
     n, k = len(system.mass), len(contacts)
     mass_inverse = np.linalg.inv(system.mass)
     if not k:
-        made = _physical(system, mass_inverse) if physical else blocks_of(system, *undamped_modes(system.mass, system.stiffness))
-        blocks, none = made, np.zeros((0, n))
-        free = blocks, blocks.from_state, blocks.to_state, mass_inverse
+        blocks = _physical(system, mass_inverse) if physical else blocks_of(system, *undamped_modes(system.mass, system.stiffness))
+        free, none = (blocks, blocks.from_state, blocks.to_state, mass_inverse), np.zeros((0, n))
         return ForcedMode(*free, none, none.T, np.zeros((0, 0)), np.zeros(0), np.zeros((0, 2 * n)), none)
     modes, state = system.modes, np.hstack([system.stiffness, system.damping])
     rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts], dtype=float).reshape(k, n)
@@ -145,7 +144,9 @@ def mode_slopes(system: Any, mode: ForcedMode, mass: np.ndarray, damping: np.nda
         lift_slope = along_slope @ mode.compliance + along @ compliance_slope
         slope = turned - lift_slope @ along.T - mode.lift @ along_slope.T
         reach_slope = mode.weight[:, None] * (compliance_slope @ along.T + mode.compliance @ along_slope.T)
-    change = mode.enter @ np.vstack([np.zeros((n, 2 * n)), -(slope @ state + inverse @ state_slope)]) @ mode.leave
+    # In free flight the forces of dampers, which nearly cancel in slow motion, are -M v'.
+    forces = state @ mode.leave if k else -system.mass @ mode.leave[n:] @ mode.blocks.matrix
+    change = -mode.enter[:, n:] @ (slope @ forces + inverse @ (state_slope @ mode.leave))
     return ModeSlopes(slope, change, mode.enter[:, n:] @ slope, reach_slope @ state + mode.reach @ state_slope, reach_slope)
 
 

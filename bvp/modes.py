@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.blocks import Blocks, Matrices, blocks_of, exact_product, jacobi
+from bvp.blocks import REFINEMENTS, Blocks, Matrices, blocks_of, exact, exact_product, jacobi
 from bvp.checks import EPSILON, read_only
 
 if TYPE_CHECKING:
@@ -31,9 +30,6 @@ _SUBNORMAL = float(np.finfo(float).tiny) / EPSILON
 
 KNOWN = 64
 """Pairs of matrices whose modes are kept: the system of an orbit is made several times, for its steps, its stability and its files."""
-
-REFINEMENTS = 3
-"""Steps of iterative refinement with exact residuals, each of which adds nearly sixteen digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,41 +172,13 @@ def balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
     >>> abs(off[1]) < abs(off[0])
     True
     """
-    count, push = len(push), push.copy()
-    numbers, unit = _over_power_of_two([*push.tolist(), *np.spacing(push).tolist()])
-    along, part = _over_power_of_two(rate.tolist())
-    off = sum(a * b for a, b in zip(numbers[:count], along, strict=True)) - unit * part
-    steps = [a * b for a, b in zip(numbers[count:], along, strict=True)]
-    for i in sorted(range(count), key=lambda i: -abs(steps[i])):
-        moved = max(-2, min(2, _nearest_integer(-off, steps[i]))) if push[i] and steps[i] else 0
+    push, along = push.copy(), exact(rate)
+    off, steps = exact(push) @ along - 1, exact(np.spacing(push)) * along
+    for i in sorted(range(len(push)), key=lambda i: -abs(steps[i])):
+        moved = max(-2, min(2, round(-off / steps[i]))) if push[i] and steps[i] else 0
         push[i] += moved * np.spacing(push[i])
         off += moved * steps[i]
     return push
-
-
-def _nearest_integer(above: int, below: int) -> int:
-    """The integer nearest to a fraction; of two the even one.
-
-    Examples
-    --------
-    >>> [_nearest_integer(above, below) for above, below in ((7, 2), (5, 2), (-5, 2), (8, -3))]
-    [4, 2, -2, -3]
-    """
-    found, rest = divmod(2 * above + below, 2 * below)
-    return found - (rest == 0 and found % 2)
-
-
-def _over_power_of_two(values: Sequence[float]) -> tuple[list[int], int]:
-    """Numbers as exact integers over one power of two, and this power.
-
-    Examples
-    --------
-    >>> _over_power_of_two([0.5, 3.0, -0.125])
-    ([4, 24, -1], 8)
-    """
-    ratios = [value.as_integer_ratio() for value in values]
-    power = max((below for _, below in ratios), default=1)
-    return [above * (power // below) for above, below in ratios], power
 
 
 def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -292,7 +260,7 @@ def reduced_blocks(
     return blocks_of(Matrices(mass, damping, stiffness), np.where(np.abs(squares) <= scale, 0.0, squares), shapes)
 
 
-def energy_form(system: Matrices, rates: np.ndarray, shapes: np.ndarray) -> list[list[Fraction]]:
+def energy_form(system: Matrices, rates: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     """G of the energy a.G a/2 of oscillating modes, a = (p_1, q_1, p_2, ..), (u, v) = Re(sum of (p - i q) shape).
 
     The oscillating entries account for the power of the dampers and vanish without damping. They follow from Lyapunov's equation, so that
@@ -311,28 +279,25 @@ def energy_form(system: Matrices, rates: np.ndarray, shapes: np.ndarray) -> list
     amplitudes = np.kron(np.eye(len(rates)), [1.0, -1.0j])
     lasting = (amplitudes.conj().T @ (0.25 * (steady + steady.conj().T)) @ amplitudes).real
     other = (amplitudes.T @ (0.25 * (turning + turning.T)) @ amplitudes).real
-    return [[Fraction(float(x)) + Fraction(float(y)) for x, y in zip(*rows, strict=True)] for rows in zip(lasting, other, strict=True)]
+    return exact(lasting) + exact(other)
 
 
-def impulse_direction(form: list[list[Fraction]], rate: Sequence[Fraction]) -> list[Fraction]:
-    """G^-1 r/(r.G^-1 r) to more than thirty digits.
+def impulse_direction(form: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """G^-1 r/(r.G^-1 r) to more than thirty digits, of exact numbers.
 
     Examples
     --------
-    >>> found = impulse_direction([[Fraction(3), Fraction(0)], [Fraction(0), Fraction(7)]], [Fraction(1), Fraction(1)])
-    >>> [float(abs(value - exact)) < 1e-30 for value, exact in zip(found, (Fraction(7, 10), Fraction(3, 10)))]
+    >>> found = impulse_direction(exact(np.diag([3.0, 7.0])), exact(np.ones(2)))
+    >>> [float(abs(10 * value - right)) < 1e-29 for value, right in zip(found, (7, 3))]
     [True, True]
     """
-    rounded = np.array([[float(entry) for entry in row] for row in form])
-    found = [Fraction(0)] * len(rate)
+    rounded, found = form.astype(float), exact(np.zeros(len(rate)))
     for _ in range(REFINEMENTS):
-        residual = [float(value - _dot(row, found)) for row, value in zip(form, rate, strict=True)]
-        found = [value + Fraction(float(change)) for value, change in zip(found, np.linalg.solve(rounded, residual), strict=True)]
-    compliance = _dot(rate, found)
-    return [value / compliance for value in found]
+        found = found + exact(np.linalg.solve(rounded, (rate - form @ found).astype(float)))
+    return found / (rate @ found)
 
 
-def modal_impulse(system: Matrices, modes: Modes, rate: np.ndarray) -> list[Fraction] | None:
+def modal_impulse(system: Matrices, modes: Modes, rate: np.ndarray) -> np.ndarray | None:
     """The direction of an impulse in the states z of `bvp.modes`, along which the energy changes as it must; None where damping couples
     modes that do not all oscillate. The speed across the gap is rate . z."""
     if modes.layout != "coupled":
@@ -340,28 +305,20 @@ def modal_impulse(system: Matrices, modes: Modes, rate: np.ndarray) -> list[Frac
     if np.any(modes.pairs[:, 1] < 0) or np.any(modes.delta >= 0.0):
         return None
     first, second = modes.pairs.T
-    row = [Fraction(float(value)) for value in rate]
     # A flight is computed with these three numbers of each pair: z_1 = b p, z_2 = w q - d p.
     half = 0.5 * (modes.matrix[first, first] - modes.matrix[second, second])
     side = modes.matrix[first, second]
     frequency = np.sqrt(-modes.delta)
     shapes = modes.to_state[:, first] * side + modes.to_state[:, second] * (1j * frequency - half)
-    form = energy_form(system, modes.mean + 1j * frequency, shapes)
-    found: list[Fraction] = [Fraction(0)] * len(row)
-    b, d, w = ([Fraction(float(value)) for value in numbers] for numbers in (side, half, frequency))
-    amplitudes = [
-        value
-        for k, (i, j) in enumerate(modes.pairs)
-        for value in (row[i] * b[k] - row[j] * d[k], row[j] * w[k])
-    ]  # fmt: skip
-    direction = impulse_direction(form, amplitudes)
-    for k, (i, j) in enumerate(modes.pairs):
-        p, q = direction[2 * k], direction[2 * k + 1]
-        found[i], found[j] = b[k] * p, w[k] * q - d[k] * p
+    row, b, d, w = map(exact, (rate, side, half, frequency))
+    amplitudes = np.stack([row[first] * b - row[second] * d, row[second] * w], axis=1).ravel()
+    p, q = impulse_direction(energy_form(system, modes.mean + 1j * frequency, shapes), amplitudes).reshape(-1, 2).T
+    found = np.empty_like(row)
+    found[first], found[second] = b * p, w * q - d * p
     return found
 
 
-def along_row(rate: np.ndarray) -> list[Fraction]:
+def along_row(rate: np.ndarray) -> np.ndarray:
     """The direction of an impulse of modal velocities p whose kinetic energy is p.p/2, where positions and velocities are kept apart.
 
     Examples
@@ -369,23 +326,18 @@ def along_row(rate: np.ndarray) -> list[Fraction]:
     >>> [str(value) for value in along_row(np.array([1.0, 3.0]))]
     ['1/10', '3/10']
     """
-    row = [Fraction(float(value)) for value in rate]
-    square = _dot(row, row)
-    return [value / square for value in row]
+    row = exact(rate)
+    return row / (row @ row)
 
 
-def two_parts(values: Sequence[Fraction]) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers as the nearest doubles and what these leave.
+def two_parts(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Exact numbers as the nearest doubles and what these leave.
 
     Examples
     --------
-    >>> near, rest = two_parts([Fraction(1, 3)])
-    >>> bool(near[0] == 1 / 3), float(rest[0]) == float(Fraction(1, 3) - Fraction(1 / 3))
+    >>> near, rest = two_parts(exact(np.ones(1)) / 3)
+    >>> bool(near[0] == 1 / 3), float(3 * sum(exact([*near, *rest])) - 1) < 1e-31
     (True, True)
     """
-    near = [float(value) for value in values]
-    return np.array(near), np.array([float(value - Fraction(double)) for value, double in zip(values, near, strict=True)])
-
-
-def _dot(first: Sequence[Fraction], second: Sequence[Fraction]) -> Fraction:
-    return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))
+    near = values.astype(float)
+    return near, (values - exact(near)).astype(float)

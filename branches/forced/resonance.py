@@ -45,7 +45,7 @@ def is_driven(problem: ForcedProblem, frequency: float) -> bool:
         nu = k * frequency
         dynamic = system.stiffness + 1j * nu * system.damping - nu * nu * system.mass
         left, sizes, _ = np.linalg.svd(dynamic)
-        weak = left[:, sizes <= _SINGULAR * max(float(np.abs(system.stiffness).max()), sizes[0])]
+        weak = left[:, sizes <= _SINGULAR * max(np.abs(dynamic.real).max(), np.abs(system.stiffness).max())]
         if np.abs(weak.conj().T @ load).max(initial=0.0) > _SINGULAR * np.abs(load).max():
             return True
     return False

@@ -417,7 +417,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
         # one loop, so that each of these functions is compiled in one place
         evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
         if iteration > 0:
-            noise = worst <= RESIDUAL_ROUNDING and length < SHORT_UPDATE
+            noise = worst <= max(RESIDUAL_ROUNDING, residual_level(segment)) and length < SHORT_UPDATE
             worst = scaled_residual(segment, residual, factor.before, displacement, velocity, longest)
             ratio = length / previous
             fresh = always_fresh and length < NEAR

@@ -24,6 +24,7 @@ from transitions.response.files import read_responses, responses_record
 from transitions.response.measures import _OrbitMeasures, _state_at, column_names, column_of, measures_along, response_table
 from transitions.response.path import ParameterPath
 from transitions.response.starting import NoOrbit, Unbounded, linear_response, settled_orbit
+from transitions.response.tracing import trace_response
 from transitions.sweep.settle import settle
 
 
@@ -185,10 +186,19 @@ def test_measures_are_those_of_a_simulation(case, symmetric, one_impact):
         require_simulated(one_point(*simulated(chain(), ["k" if case == "springs" else "F"], periods=600)))
 
 
-def test_a_response_with_next_to_no_decay_in_a_period_is_refused():
-    """Oracle: the slow rate k/c of strong damping, 2 pi k/(c w) in a period; it is no undamped mode."""
-    with pytest.raises(Unbounded, match=r"at w = 1: free motion changes by a part 1\.6e-10 in its period, expected 1e-09 or more"):
-        linear_response(ParameterPath(oscillator(4e10, s=5.0, w=1.0), ["w"]))
+@pytest.mark.parametrize(("c", "name", "part"), [(2e3, "m", 0.1), (1e6, "m", 0.1), (1e8, "m", 0.01), (1e6, "c", 0.9)])
+def test_a_response_beside_a_strong_damper_between_masses_is_followed(c, name, part):
+    """Oracle: the linear response. It rounds by the slow rate, which is near 1/c."""
+    matrices = {"mass": [["m", 0], [0, 1]], "damping": [["c", "-c"], ["-c", "c + 0.1"]], "stiffness": [[1, 0], [0, 2]]}
+    loads = [{"load": [1, 0], "amplitude": 0.1, "harmonic": 1}]
+    content = {"parameters": {"m": 1.0, "c": c, "w": 1.0}, "system": {**matrices, "stops": [{"c": [1, 0], "upper": 50.0}]}, "forces": loads}
+    interval = tuple(content["parameters"][name] * np.array([1.0 - part, 1.0 + part]))
+    (branch,) = trace_response(ParametricSystem.from_description(content), name, interval, start="rest")
+    assert (branch.parameter.min(), branch.parameter.max()) == pytest.approx(interval, rel=1e-9)
+    for state, at in ((branch.problem.nodes(y)[0], branch.problem.parameters(y)) for y in branch.unknowns):
+        first, second, damper = 1.0 - at["m"], 1.0 + 0.1j, 1j * at["c"]
+        exact = 0.1 * np.array([second + damper, damper]) / (first * second + damper * (first + second))
+        assert np.abs(state[:2] - exact.real).max() < 1e-13 + 1e-16 * at["c"]
 
 
 def test_an_undamped_resonance_is_unbounded():
