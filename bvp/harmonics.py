@@ -127,17 +127,20 @@ def _integrals(flights: Iterator[Samples], rates: np.ndarray) -> np.ndarray:
     return sum(np.exp(-1j * np.outer(rates, times)) @ (weights[:, None] * u) for times, weights, u in flights)
 
 
-def _panels(begin: float, length: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times (m,) and weights (m,) of Gauss's rule on so many panels of an interval that the phase on each is small enough."""
-    count = math.ceil(rate * length / _PHASE) or 1
-    places = (np.arange(count)[:, None] + _PLACES).ravel() / count
-    return begin + length * places, np.tile(length / count * _WEIGHTS, count)
+def _panels(length: float, rate: float, fastest: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Times (m,) and weights (m,) of Gauss's rule on so many panels of an interval that the phase on each is small enough. What decays at
+    the fastest rate acts beside the start alone: there a panel is halved until it is short."""
+    edges = np.linspace(0.0, length, (math.ceil(rate * length / _PHASE) or 1) + 1)
+    halvings = math.ceil(math.log2(max(1.0, fastest * edges[1] / _PHASE)))
+    edges = np.insert(edges, 1, edges[1] * 2.0 ** np.arange(-halvings, 0))
+    lengths = np.diff(edges)[:, None]
+    return (edges[:-1, None] + lengths * _PLACES).ravel(), (lengths * _WEIGHTS).ravel()
 
 
 def _along_steps(begin: float, edges: np.ndarray, coefficients: np.ndarray, rate: float) -> Iterator[Samples]:
     """The samples of the Taylor steps of a flight: displacements from coefficients (S, ORDER + 1, n)."""
     for at, length, polynomial in zip(edges[:-1], np.diff(edges), coefficients, strict=True):
-        times, weights = _panels(0.0, float(length), rate)
+        times, weights = _panels(float(length), rate)
         yield begin + at + times, weights, np.polynomial.polynomial.polyval(times, polynomial).T
 
 
@@ -150,7 +153,7 @@ def _free_flights(problem: MultipointProblem, y: np.ndarray, rate: float) -> Ite
             edges, coefficients = smooth_steps(problem.segment.flight, state, duration)
             yield from _along_steps(begin, edges, coefficients @ shapes.T, rate)
         else:
-            times, weights = _panels(0.0, duration, rate + fastest_rate(modes.flight))
+            times, weights = _panels(duration, rate + fastest_rate(modes.flight))
             states = np.empty((len(times), 2 * n))
             sample_path(problem.system, np.zeros(1), state[None], times, states)
             yield begin + times, weights, states @ shapes.T
@@ -160,23 +163,21 @@ def _free_flights(problem: MultipointProblem, y: np.ndarray, rate: float) -> Ite
 def _forced_flights(problem: ForcedProblem, y: np.ndarray, rate: float) -> Iterator[Samples]:
     """The samples of the flights of a forced orbit, for harmonics up to a rate."""
     n, begin = problem.degrees_of_freedom, 0.0
-    if not problem.is_smooth:
-        rate += _own_rate(problem, y)
+    turning, fastest = (0.0, 0.0) if problem.is_smooth else _own_rates(problem, y)
     for i, (node, duration) in enumerate(zip(problem.nodes(y), problem.flight_times(y).tolist(), strict=True)):
         if problem.is_smooth:
             edges, coefficients = loaded_steps(problem, node, duration, i)
             yield from _along_steps(begin, edges, coefficients[..., :n], rate)
         else:
-            times, weights = _panels(0.0, duration, rate)
+            times, weights = _panels(duration, rate + turning, fastest)
             yield begin + times, weights, np.array([problem.fly(node, time, i)[0][:n] for time in times.tolist()])
         begin += duration
 
 
-def _own_rate(problem: ForcedProblem, y: np.ndarray) -> float:
-    """The fastest rate of linear flights under loads: that of the system or of its loads."""
+def _own_rates(problem: ForcedProblem, y: np.ndarray) -> tuple[float, float]:
+    """How fast linear flights under loads turn or grow, and their fastest rate."""
     parameters = problem.parameters(y)
-    system, layout, n = problem.parametric.system(parameters), problem.parametric.layout, problem.degrees_of_freedom
-    rows = np.linalg.solve(system.mass, np.hstack([system.stiffness, system.damping]))
-    own = np.abs(np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-rows]]))).max()
+    layout, own = problem.parametric.layout, np.linalg.eigvals(problem.parametric.system(parameters).modes.matrix)
     base = float(problem.parametric.entries(parameters)[layout.frequency][0]) if problem.has_clock else 0.0
-    return float(own + base * max(layout.harmonics, default=0))
+    turning = np.maximum(np.abs(own.imag), own.real).max() + base * max(layout.harmonics, default=0)
+    return float(turning), float(np.abs(own).max())
