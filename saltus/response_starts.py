@@ -304,6 +304,7 @@ def _from_rest(request: ResponseRequest, direction: str, report: Report) -> list
 def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, direction: str, report: Report) -> ResponseStart:
     """The orbit on which a simulation settles."""
     from branches.forced.onwards import ResponseStart
+    from transitions.response.starting import Unbounded
     from transitions.response.tracing import simulated_start
     from transitions.sweep.settle import MOST
 
@@ -316,7 +317,7 @@ def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, di
             if getattr(arguments, option) is not None:
                 raise BadInput(f"--{option} counts in periodic loads, and the scene has none; expected --start alone")
     most = arguments.transient or MOST
-    with ProgressBar(most, "periods until the motion repeats") as bar:
+    with refusing(kinds=Unbounded), ProgressBar(most, "periods until the motion repeats") as bar:
         settled, found = simulated_start(path, u, v, phase=arguments.phase or 0.0, most=most, on_progress=bar.update)
     over = "half of the period" if found.problem.half else "the period"
     report([f"start  {settled.text}", f"orbit  solved over {over}; the simulated states are {found.distance:.1e} of its size away from it"])

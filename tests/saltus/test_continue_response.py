@@ -103,25 +103,19 @@ def test_the_response_from_rest_ends_where_impacts_begin(capsys):
 
 
 @pytest.mark.parametrize("start", ["rest", "simulate"])
-@pytest.mark.parametrize("c", [400.0, 1e4, 4e6, 4e8])
-def test_an_overdamped_response_is_followed(capsys, c, start):
-    """Oracle: the amplitude A/sqrt((k - w^2)^2 + c^2 w^2) of the linear response, with k = 1 and w = 1. It rounds by the slow rate k/c."""
-    words = "--scene", "damped_impact_oscillator", "--set", f"c={c:g}", "--from", start, "--in", "A", "--range", "0.05:2"
+@pytest.mark.parametrize(
+    ("c", "name", "interval"),
+    [*((c, "A", "0.05:2") for c in (400.0, 1e4, 4e6, 4e8)), (1e6, "c", "1e3:1e7"), (1e6, "k", "0.5:3"), (1e6, "w", "0.5:2")],
+)
+def test_an_overdamped_response_is_followed(capsys, c, start, name, interval):
+    """Oracle: the amplitude A/sqrt((k - w^2)^2 + c^2 w^2) of the linear response. It rounds by the slow rate k/c."""
+    words = "--scene", "damped_impact_oscillator", "--set", f"c={c:g}", "--from", start, "--in", name, "--range", interval
     assert run(capsys, "continue", *words, "--json", "a.json")[0] == 0
     branch = read_branch("a.json")
     assert [event["type"] for event in branch["events"]] == ["EP", "EP"]
     for point in branch["points"]:
-        assert point["max.x"] == pytest.approx(point["A"] / c, rel=1e-12 + 1e-16 * c)
-
-
-@pytest.mark.parametrize(("name", "interval"), [("c", "1e3:1e7"), ("k", "0.5:3"), ("w", "0.5:2")])
-def test_an_overdamped_response_is_followed_in_what_moves_its_rates(capsys, name, interval):
-    """Oracle: the amplitude of the linear response."""
-    words = "--scene", "damped_impact_oscillator", "--set", "c=1e6", "--from", "rest", "--in", name, "--range", interval
-    assert run(capsys, "continue", *words, "--json", "a.json")[0] == 0
-    for point in read_branch("a.json")["points"][::10]:
-        k, c, w = (point[of] for of in "kcw")
-        assert point["max.x"] == pytest.approx(0.1 / math.hypot(k - w * w, c * w), rel=1e-9)
+        exact = point["A"] / math.hypot(point["k"] - point["w"] ** 2, point["c"] * point["w"])
+        assert point["max.x"] == pytest.approx(exact, rel=1e-12 + 1e-16 * c if name == "A" else 1e-9)
 
 
 def test_an_overdamped_response_that_cannot_be_isolated_is_refused_once(capsys):
@@ -129,8 +123,7 @@ def test_an_overdamped_response_that_cannot_be_isolated_is_refused_once(capsys):
     words = "continue", "--scene", "damped_impact_oscillator", "--set", "c=4e10", "--in", "A", "--range", "0.05:2", "--from"
     err = refused(run(capsys, *words, "rest"), "no response without impacts at A = 0.1", "changes by a part 1.6e-10 in its period")
     assert err.count("isolated") == 1
-    code, _, err = run(capsys, *words, "simulate")
-    assert code == 1 and err.count("changes by a part 1.6e-10 in its period") == len(err.splitlines()) == 1
+    assert refused(run(capsys, *words, "simulate"), "changes by a part 1.6e-10 in its period").count("isolated") == 1
 
 
 def test_an_overdamped_oscillator_at_a_stop_at_zero(capsys):
@@ -140,6 +133,7 @@ def test_an_overdamped_oscillator_at_a_stop_at_zero(capsys):
         assert run(capsys, "continue", *words, *start)[0] == 0
         for point in read_branch("a.json")["points"]:
             assert point["max.x"] == pytest.approx(1.0 + point["A"] / math.hypot(1.0 - 0.64, 0.8e5), rel=1e-11)
+    refused(run(capsys, "continue", *words, "simulate"), "it has not settled yet; allow more periods (after 64", "more are expected")
 
 
 def test_an_undamped_resonance_is_unbounded(capsys):

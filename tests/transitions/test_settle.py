@@ -119,8 +119,6 @@ def test_a_settled_motion_of_a_longer_period_is_reported():
     found = settle(scene.system, scene.forces)
     assert found.kind is SettledKind.LONG_PERIOD and found.growth < -1e-3, found.text
     assert math.isnan(found.remaining) and "its period is above 128" in found.text
-
-
     assert settle(scene.system, scene.forces, longest=1000).period == 773
 
 

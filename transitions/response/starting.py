@@ -47,8 +47,8 @@ class NoOrbit(RuntimeError):
     """A simulation did not settle on an orbit that can be solved; the message says what was found."""
 
 
-class Unbounded(RuntimeError):
-    """The load has the frequency of an undamped mode, or no response was found."""
+class Unbounded(NoOrbit):
+    """The load has the frequency of an undamped mode, free motion decays too slowly, or no response was found."""
 
 
 def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str | None]:
@@ -170,7 +170,7 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
         If the motion is not periodic, sticks for ever, or is not the orbit that was solved.
     """
     if settled.kind is not SettledKind.PERIODIC:
-        raise NoOrbit(settled.text)
+        raise (Unbounded if settled.remaining > 0.0 else NoOrbit)(settled.text)
     if settled.sticking:
         raise NoOrbit(f"{settled.text}; orbits with a sticking contact are not followed")
     if drift_directions(path.parametric.system(path.values)).size:
@@ -194,7 +194,7 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     except NotConverged as error:
         raise NoOrbit(f"{settled.text}; Newton's method finds no orbit there") from error
     if linear and (why := _not_isolated(problem, solution.y)) is not None:
-        raise NoOrbit(f"{settled.text}; it is not isolated: {why}")
+        raise Unbounded(f"{settled.text}; it is not isolated: {why}")
     # A state after an impact without rebound can be zero; a time is a fraction of the period.
     sizes = problem.scales(solution.y)[: 2 * n]
     for states in (settled.states, settled.impacts.before):

@@ -225,6 +225,7 @@ def settle(
     motion = ForcedMotion(system, forces, start or carried_into(system, Carried(np.zeros(2 * n)))[0], phase=phase)
     frequency = 2.0 * math.pi / motion.period
     elapsed, block, last = 0, FIRST, math.nan
+    rate = max(np.linalg.eigvals(system.modes.matrix), key=np.real)
     growths, states = np.zeros(0), np.zeros((0, 2 * n))
     while True:
         motion.renew_tangent()
@@ -250,21 +251,25 @@ def settle(
         growth, error = _growth(record.growths)
         if not p and elapsed >= CERTAIN and growth > max(SIGMAS * error, NEUTRAL):
             return _settled(SettledKind.CHAOS, 0, motion, record, elapsed)
-        if elapsed >= most:
+        # Weighted means leave out what only turns, whose size hides a slow decay. On a torus a tangent vector keeps its size.
+        error = min(error, _growth(record.growths, mean_growth)[1])
+        decays = math.isfinite(growth) and growth < -max(SIGMAS * error, DECAY)
+        remaining = _remaining(record, frequency, size, growth, longest) if decays else math.nan
+        # Free flight that creeps to a place between the stops goes on as it does. More than twice the periods that are left are too many.
+        creeps = system.smooth_forces is None and not (rate.imag or record.count or record.sticking_time)
+        is_late = creeps and remaining > 2.0 * (most - elapsed)
+        if elapsed >= most or (is_late and not carried_into(system, Carried(states[-1] - (states[-1] - states[-2]) / growth))[1]):
             break
         block = min(2 * block, LARGEST)
     p = p or find_period(states, frequency, growth, elapsed, size)
     if p and _return(states, p, frequency, size) <= RETURN:
         return _settled(SettledKind.PERIODIC, p, motion, record, elapsed)
     halves = [abs(mean_growth(part)) for part in np.array_split(record.growths, 2)]
-    # Weighted means leave out what only turns, whose size hides a slow decay. On a torus a tangent vector keeps its size.
-    error = min(error, _growth(record.growths, mean_growth)[1])
-    decays = math.isfinite(growth) and growth < -max(SIGMAS * error, DECAY)
     if not p and decays and SLACK * math.exp(growth * len(record.growths)) < RETURN:  # it would have returned
         return replace(_settled(SettledKind.LONG_PERIOD, 0, motion, record, elapsed), growth_error=error, longest=longest)
     torus = not p and elapsed >= CERTAIN and max(halves) <= NEUTRAL and not decays
     found = _settled(SettledKind.TORUS if torus else SettledKind.NOT_CONVERGED, p, motion, record, elapsed)
-    return replace(found, growth_error=error, remaining=_remaining(record, frequency, size, growth, longest) if decays else math.nan)
+    return replace(found, growth_error=error, remaining=remaining)
 
 
 def _remaining(record: PeriodRecord, frequency: float, size: float, growth: float, longest: int) -> float:
