@@ -17,6 +17,7 @@ from bvp.kernels.multipoint import RESULT
 from bvp.multipoint import Solution
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways
+from saltus import load_scene, trace_response
 from tests.branches.forced_systems import impact_speed, oscillator, settled
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
@@ -225,6 +226,14 @@ def test_multipliers_have_the_right_product_at_each_restitution(kind, begin):
         if abs(at["e"]) < 1e-11:
             assert np.abs(found).min() < 1e-11
     assert abs(min(seen)) < 1e-11 and max(seen) > 0.45 and len(seen) > 20
+
+
+def test_a_period_doubling_of_a_family_from_restitution_zero():
+    """Two impacts a period of an undamped oscillator. Oracle: the product of its multipliers is r^4, and one of them is -1."""
+    branch, *_ = trace_response(load_scene("impact_oscillator").parametric, "r", (0.0, 0.5), start="simulate", values={"r": 0.0, "s": 0.0})
+    (event,) = (event for event in branch.events if event.type == "PD")
+    found = branch.problem.multipliers(branch.unknowns[event.point])
+    assert found[0] == pytest.approx(-1.0, rel=1e-11) and found[1] == pytest.approx(-(event.values["r"] ** 4), rel=1e-9)
 
 
 def test_a_stop_that_sticks_can_begin_and_end_at_restitution_zero():

@@ -251,6 +251,10 @@ CASES = [
         "continue --scene damped_impact_oscillator --from rest --in w,A --range 0.5:1 --keep A=0.02*w²",
         ["--keep", "0.02*w²", "not an expression at character 7"],
     ),
+    *(
+        (f"continue --scene damped_impact_oscillator --from rest --in w,A --range 0.5:1 --keep A={text}", ["--keep", text, name])
+        for text, name in (("sin(sin)", "sin"), ("sin+sin(w)", "sin"), ("sqrt(sqrt)", "sqrt"))
+    ),
     ("section --energy 1 --colour energy", ["--colour energy", "keeps its energy", "lyapunov or rotation"]),
     ("section --energy 1 --names 3", ["--names needs --plot FILE and --catalogue FILE"]),
     ("section --energy 1 --about 0,0", ["--about", "--colour rotation"]),

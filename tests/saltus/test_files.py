@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import sqlite3
 import stat
 import threading
@@ -39,6 +40,13 @@ def test_a_replaced_file_keeps_its_mode_and_links(tmp_path):
     write_text(link, "new")
     assert link.is_symlink() and target.read_text() == "new"
     assert stat.S_IMODE(target.stat().st_mode) == 0o640
+
+
+def test_a_link_without_its_folder_names_the_folder(tmp_path):
+    """Oracle: where the link leads to."""
+    (tmp_path / "link").symlink_to(tmp_path / "gone" / "a.json")
+    with pytest.raises(BadInput, match=f"the directory {re.escape(str(tmp_path / 'gone'))} does not exist"):
+        check_writable(str(tmp_path / "link"))
 
 
 def test_a_catalogue_is_no_place_for_a_result(tmp_path):
