@@ -116,7 +116,7 @@ class Family(SolvedFamily):
         ]
         if problem.periodic and not problem.sequence:
             tests[3] = TestFunction("EP", "guard", True, "the maximum at which the orbit starts vanishes; start from another one")
-        self._two_dof = problem._two_dof
+        self._two_dof = problem._two_dof and not problem.periodic
         if problem.quarters == 1:
             tests += [
                 TestFunction("SB", "crossing", False, "the last reversal is broken"),

@@ -242,7 +242,9 @@ class EventFinder:
                 if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
                     crossed.append((index, found))
             if self._tests[index].touches:
-                crossed += [(index, touch) for touch in _touches(index, [at for at in resolution.sure(index) if at[0] <= limit], locator)]
+                touches = _touches(index, [at for at in resolution.sure(index) if at[0] <= limit], locator)
+                near = self._settings.coincidence_tolerance  # beside a crossing rounding can look like a touch
+                crossed += [(index, touch) for touch in touches if all(abs(touch.s - found.s) > near for found in apart)]
         return crossed
 
     def _beside(self, index: int, zone: Zone, locator: Locator) -> Location | None:

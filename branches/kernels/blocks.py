@@ -55,7 +55,7 @@ class WatchedTests(NamedTuple):
     singular: np.ndarray  # size below which a sign is rounding
     limits: np.ndarray  # of `first_tests`: (4,) bounds of the energy's logarithm, and of the quarter period's; noise of the tangent
     targets: np.ndarray  # traces at which periods multiply
-    general: int  # address of `general_tests`, `periodic_tests` or `branches.forced.kernels.forced_tests`; 0: two degrees of freedom
+    general: int  # address of `general_tests`, `periodic_tests` or `branches.forced.kernels.forced_tests`; 0: `two_dof_tests`
     work: Any  # what it needs
 
 
@@ -135,7 +135,7 @@ def land_tested(compiled, most, watched, y, tangent, ds, metric, point):
             ends[i, r] = factor.before[i, r]
     if full:
         call_at(addresses[1], (packed, observed, new, ends, work, result))
-        if watched.general == 0:
+        if addresses[2] != 0:
             call_at(addresses[2], (packed, new, ends, period, result))
     for r in range(position.shape[0]):
         position[r] = metric[0, r]

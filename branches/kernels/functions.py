@@ -1,7 +1,7 @@
 """The test functions of families of orbits.
 
-Those for two degrees of freedom are pure functions of the kernels' results for an orbit: `branches.kernels.blocks` compiles what
-`branches.family` calls from Python. Those for more are a kernel of their own, `general_tests`, which both call.
+Those for two degrees of freedom between two ends are pure functions of the results for an orbit: `branches.kernels.blocks` compiles what
+`branches.family` calls from Python. The others are kernels of their own, `general_tests` and `periodic_tests`, which both call.
 """
 
 from __future__ import annotations
@@ -43,6 +43,9 @@ _ACCURATE = 1e-12
 
 _CLEAR = 1e3
 """Larger clearances are replaced by this value."""
+
+_MIRRORED = 1e-9
+"""Part of the largest coordinate up to which two states are mirror images of each other."""
 
 NOISE = 2e-13
 """Part of the half map's largest entry below which an entry is rounding: a conserved momentum makes one vanish all along a family, and
@@ -102,9 +105,9 @@ def common_tests(result: Any, low: Any, high: Any, longest: Any, tangent_noise: 
 
 
 def two_dof_tests(result: Any, shape: Any, targets: Any, out: Any) -> None:
-    """The entries of `out` after the common ones, n = 2: the entries of the half map (`bvp.kernels.stability`), each bifurcation a plain
-    zero of one, then the distances from the `targets` of a trace: of a quarter that of the half map (tau_half), else that of the full
-    period (tau). shape: of the segment.
+    """The entries of `out` after the common ones between two ends, n = 2: the entries of the half map (`bvp.kernels.stability`), each
+    bifurcation a plain zero of one, then the distances from the `targets` of a trace: of a quarter that of the half map (tau_half), else
+    that of the full period (tau). shape: of the segment.
 
     The linearised impacts are rank-one terms over the impact's speed, so an entry times the product of all speeds is smooth at a grazing,
     where the entry itself grows without bound. Traces contain each impact of a segment with a reversal twice."""
@@ -126,21 +129,15 @@ def two_dof_tests(result: Any, shape: Any, targets: Any, out: Any) -> None:
     if abs(d) / of_a < noise:
         d = math.nan
     speeds = result[entry.SPEEDS]
-    if shape[2] == 4:
-        tau = result[entry.TRACE]
-        weight = speeds
-        out[11] = weight * (tau + 2.0)
-        at = 12
-    else:
-        tau = 2.0 + 4.0 * product
-        weight = speeds * speeds
-        out[11] = speeds * b
-        out[12] = speeds * a
-        out[13] = speeds * d
-        at = 14
-        if shape[2] == 1:
-            out[14] = weight * tau
-            at = 15
+    tau = 2.0 + 4.0 * product
+    weight = speeds * speeds
+    out[11] = speeds * b
+    out[12] = speeds * a
+    out[13] = speeds * d
+    at = 14
+    if shape[2] == 1:
+        out[14] = weight * tau
+        at = 15
     for i in range(len(targets)):
         out[at + i] = weight * (tau - targets[i])
 
@@ -305,11 +302,24 @@ def general_tests(packed, y, ends, pairs_work, result, targets, out):
 
 
 @kernel
+def _nodes_of_a_half(states):
+    """Half the number of nodes where each state is followed by its mirror image half a period later; else all of them."""
+    count, rest = divmod(states.shape[0], 2)
+    size = apart = 0.0
+    for i in range(count):
+        for r in range(states.shape[1]):
+            size = max(size, abs(states[i, r]))
+            apart = max(apart, abs(states[i, r] + states[count + i, r]))
+    return count if rest == 0 and apart <= _MIRRORED * size else states.shape[0]
+
+
+@kernel
 def periodic_tests(packed, y, ends, work, result, targets, out):
     """The same for periodic closures: the products of 2 + trace and of trace - target over all pairs, and the discriminant between them.
 
     Each pair has the trace lambda + 1/lambda, a sum of two eigenvalues of the formed product, which is smooth where they meet at 1 or -1.
-    Nothing is defined where rounding times the norm of that product can be seen. work: `PairsWork`."""
+    Where half a period is followed by its mirror image, its map has the traces s, and 2 + trace = s^2 touches zero: s is in its place.
+    Nothing is defined where rounding times the norm of that product can be seen beside several pairs. work: `PairsWork`."""
     after = out[COMMON:]
     set_1(after, math.nan)
     m = work.half_map.product.shape[0]
@@ -321,19 +331,27 @@ def periodic_tests(packed, y, ends, work, result, targets, out):
         if is_cut(segment.flight, segment.side, work.impacts.row[i]):
             work.impacts.row[i] = -1
     contacts = ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
-    orbit = ClosedOrbit(work.impacts.before, work.impacts.after, work.impacts.duration, work.impacts.row)
+    nodes = _nodes_of_a_half(work.impacts.after)
+    turned = nodes < work.impacts.row.shape[0]
+    orbit = ClosedOrbit(work.impacts.before[:nodes], work.impacts.after[:nodes], work.impacts.duration[:nodes], work.impacts.row[:nodes])
     found, norm, _, _, _ = formed_multipliers(segment.flight, contacts, orbit, True, True, work.reduction, work.linearised, work.spectrum)
     pivot = abs(result[entry.BRANCHING])
-    if found == LOST or not (NOISE * pivot + PIVOT_NOISE) * norm < _RESOLVED * pivot:
+    if found == LOST or ends.shape[1] > 4 and not (NOISE * pivot + PIVOT_NOISE) * norm < _RESOLVED * pivot:
         return
     real = work.spectrum.sums[0, :m]
     imaginary = work.spectrum.sums[1, :m]
-    for i in range(-1, targets.shape[0]):
-        level = -2.0 if i < 0 else targets[i]
+    doubled = complex(result[entry.SPEEDS], 0.0)
+    for j in range(m):
+        trace = complex(real[j], imaginary[j])
+        doubled *= trace if turned else trace + 2.0
+        if turned:
+            real[j], imaginary[j] = trace.real**2 - trace.imag**2 - 2.0, 2.0 * trace.real * trace.imag
+    after[0] = doubled.real
+    for i in range(targets.shape[0]):
         product = complex(result[entry.SPEEDS], 0.0)
         for j in range(m):
-            product *= complex(real[j] - level, imaginary[j])
-        after[0 if i < 0 else 2 + i] = product.real
+            product *= complex(real[j] - targets[i], imaginary[j])
+        after[2 + i] = product.real
     for j in range(m):
         real[j] = 0.25 * (real[j] - 2.0)
         imaginary[j] = 0.25 * imaginary[j]

@@ -159,6 +159,17 @@ def test_the_other_side_of_a_doubling_is_the_same_orbit_started_later(name, even
         assert symmetries(cycle_of(problem, old), 1e-2).cover >= 2
 
 
+def test_a_period_doubles_where_the_trace_touches_minus_two():
+    """A family without a reversal, whose half periods are mirror images: tau + 2 does not change its sign. Oracles: the zero of its root,
+    as a polynomial; and a family with twice the impacts."""
+    branch = saltus.trace("periodic:++++--++----++--:851fed32", energy=(6.82, 6.89))
+    (event,) = (event for event in branch.events if event.type == "PD")
+    beside = np.delete(np.arange(-4, 5), 4)
+    roots = np.sqrt(branch.points["tau"][event.point + beside] + 2.0) * np.sign(beside)
+    assert event.h == pytest.approx(np.polyfit(roots, branch.points["h"][event.point + beside], 5)[-1], rel=1e-12)
+    assert saltus.switch(branch, event.id, energy=(6.5, 7.5))[0].problem.sequence == branch.problem.sequence * 2
+
+
 def test_period_doubled_orbits_are_not_the_old_ones_twice():
     """Oracle: half a period later the state is another one; of the two families of a reversible doubling one is stable and one is not."""
     _, _, born = switched("S11O00-", "PD1")
