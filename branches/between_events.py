@@ -269,7 +269,8 @@ def _levels(branch: Branch) -> Iterator[_Level]:
     folds = [event for event in events if event.type in ("SN", "BP")]
     doubled = [event for event in events if event.type == "PD"]
     yield _Level(f"{name} = +2", upper, folds + broken, ("BP",), ("SN", "BP", "SB"))
-    yield _Level(f"{name} = -2", lower, halved if quarter else doubled, (), ("SB",) if quarter else ("PD",))
+    turning = ("PD",) if branch.problem.periodic else ()
+    yield _Level(f"{name} = -2", lower, halved if quarter else doubled, turning, ("SB",) if quarter else ("PD",))
     values = [(0.0, doubled, "PD")] if quarter else []
     for p, q in RESONANCES:
         tau = multiplication(p, q)
