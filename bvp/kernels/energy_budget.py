@@ -10,8 +10,8 @@ There are three methods.
    It is computed from the exponentials, or from a series if |x t| is small, so nothing cancels.
 2. Otherwise (near critical damping, rigid bodies, loads joined with a block, ramps) it is the product of two Taylor series. The flight
    is divided into parts on which they converge.
-3. If there were many parts, the integral of the matrix exp(B's) a b' exp(B s) is doubled: P(2 t) = P(t) + exp(B't) P(t) exp(B t) (Van
-   Loan, IEEE Trans. Automat. Control 23 (1978) 395, without its inverse). For a = b all terms of each sum have one sign.
+3. If there were many parts, the integral W of the matrix z(s) z(s)' is doubled: W(2 t) = W(t) + exp(B t) W(t) exp(B't) (Van Loan, IEEE
+   Trans. Automat. Control 23 (1978) 395, without its inverse). One W is enough for all products a . W b.
 
 The energy budget of a motion consists of compensated sums of these integrals over its flights, and of the losses at its impacts.
 """
@@ -229,7 +229,7 @@ def series_integrals(flight, products, z, t, fastest, parts, work, out):
 def doubled_integrals(flight, products, z, t, fastest, out):
     """out += the integrals, by doubling."""
     first, second, weight = products
-    matrix = flight.matrix
+    pairs, _, _, matrix = flight
     size = z.shape[0]
     doublings = 0
     h = t
@@ -237,48 +237,36 @@ def doubled_integrals(flight, products, z, t, fastest, out):
         h *= 0.5
         doublings += 1
     flow = np.empty((size, size))
-    half = np.empty((size, size))
-    grown = np.empty((size, size))
-    a = np.empty((TERMS + 1, size))
-    b = np.empty((TERMS + 1, size))
+    half = np.zeros((size, size))
+    grown = np.zeros((size, size))  # 0 outside the blocks
+    terms = np.zeros((TERMS + 1, size))
+    # The Taylor terms of exp(B s) z, and the integral of each times the series.
+    copy_1(z, terms[0])
+    for k in range(TERMS):
+        block_product(pairs, matrix, terms[k], terms[k + 1])
+        for r in range(size):
+            terms[k + 1, r] *= h / (k + 1)
+    for j in range(TERMS, -1, -1):
+        for r in range(size):
+            entry = 0.0
+            for k in range(TERMS, -1, -1):
+                entry += terms[k, r] / (k + j + 1)
+            for q in range(size):
+                half[r, q] += entry * h * terms[j, q]
+    # W(2 t) = W(t) + exp(B t) W(t) exp(B't).
+    span = h
+    for _ in range(doublings):
+        flow_matrix(flight, span, flow)
+        for r in range(size):
+            block_product(pairs, flow, half[r], grown[r])
+        for q in range(size):
+            block_product(pairs, flow, grown[:, q], terms[0])
+            for r in range(size):
+                half[r, q] += terms[0, r]
+        span *= 2.0
     for c in range(first.shape[0]):
-        for r in range(size):
-            a[0, r] = first[c, r]
-            b[0, r] = second[c, r]
-        for k in range(1, TERMS + 1):
-            for r in range(size):
-                left = 0.0
-                right = 0.0
-                for q in range(size):
-                    left += a[k - 1, q] * matrix[q, r]
-                    right += b[k - 1, q] * matrix[q, r]
-                a[k, r] = left * h / k
-                b[k, r] = right * h / k
-        for r in range(size):
-            for q in range(size):
-                entry = 0.0
-                for k in range(TERMS, -1, -1):
-                    for j in range(TERMS, -1, -1):
-                        entry += a[k, r] * b[j, q] / (k + j + 1)
-                half[r, q] = entry * h
-        # P(2 t) = P(t) + exp(B't) P(t) exp(B t).
-        span = h
-        for _ in range(doublings):
-            flow_matrix(flight, span, flow)
-            for r in range(size):
-                for q in range(size):
-                    grown[r, q] = inner(half[r], flow[:, q])
-            for r in range(size):
-                for q in range(size):
-                    a[0, q] = inner(flow[:, r], grown[:, q])
-                for q in range(size):
-                    half[r, q] += a[0, q]
-            span *= 2.0
-        total = 0.0
-        for r in range(size):
-            for q in range(size):
-                total += z[r] * half[r, q] * z[q]
-        out[c] += weight[c] * total
+        times_matrix(half, second[c], terms[0])
+        out[c] += weight[c] * inner(first[c], terms[0])
 
 
 @chosen

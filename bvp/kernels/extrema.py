@@ -16,8 +16,8 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import chosen, inlined, kernel, shared
-from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, free_step, growth_rate, inner, row_dot
-from bvp.kernels.flights import path_state, rounding_level
+from bvp.kernels.flight import Contacts, Flight, amplitudes, block_product, circular, copy_1, flow_state, free_step, inner, row_dot
+from bvp.kernels.flights import path_growth, path_state, rounding_level
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact
 
 STEP_LIMIT = 100000
@@ -358,9 +358,6 @@ FRUITLESS = 2
 SHARP = 4.5
 """A bound over a flight is sharp if it is no more than this times the bound over its first half: a parabola has 4."""
 
-GLANCES = 4
-"""Parts of a flight at whose ends |u| is looked at before the search."""
-
 SLOW = 1e-3
 """Part of the bound of a velocity below which it counts as nearly zero."""
 
@@ -376,10 +373,11 @@ ends by no more than a part 1e-13 of its amplitude."""
 
 
 @kernel
-def row_times_matrix(rows, c, matrix, out):
-    """out[0] = rows[c] matrix."""
-    for r in range(matrix.shape[1]):
-        out[0, r] = inner(rows[c], matrix[:, r])
+def row_times_matrix(flight, rows, c, out):
+    """out[0] = rows[c] B. A contact mode with fewer states has no blocks for the others."""
+    for r in range(out.shape[1]):
+        out[0, r] = 0.0
+    block_product(flight.pairs, flight.matrix.T, rows[c], out[0])
 
 
 @inlined
@@ -426,9 +424,19 @@ def sharp_piece(flight, leave, i, z, duration, growth):
 @shared("boolean")
 def peak_exact(flight, leave, z, duration, peaks, when, scratch, edge, work):
     """See `peak_flight`."""
-    _, growth = growth_rate(flight)
-    begin = scratch[6, 0]
-    for i in range(peaks.shape[0]):
+    _, growth = path_growth(flight)
+    n = peaks.shape[0]
+    begin, end = scratch[6, 0], scratch[5, 0]
+    flow_state(flight, z, duration, end)
+    for i in range(n):
+        raise_peak(i, row_dot(leave, i, z), 0.0, peaks, when)
+        # A flight that is short beside the time in which its velocity can change has no turning point, or none that matters.
+        _, bend, _ = amplitudes(flight, leave[i], z, duration)
+        bend *= duration
+        highest, turning = abs(row_dot(leave, i, end)), row_dot(leave, n + i, z) + row_dot(leave, n + i, end)
+        if abs(turning) > bend or max(highest, abs(row_dot(leave, i, z))) + 0.125 * bend * duration <= peaks[i]:
+            raise_peak(i, highest, duration, peaks, when)
+            continue
         copy_1(z, begin)
         time = 0.0
         while True:
@@ -468,19 +476,13 @@ def peak_of_piece(flight, leave, i, piece, peaks, when, scratch, edge, work):
     # says that its rates are exact.
     watched = Contacts(scratch[0], scratch[1], scratch[2], side, bound, scratch[0], side)
     raise_peak(i, row_dot(leave, i, z), began, peaks, when)
-    highest = 0.0
-    glance = 0.0
-    for k in range(GLANCES):
-        at = duration if k == GLANCES - 1 else (k + 1) * duration / GLANCES
-        flow_state(flight, z, at, later)
-        if abs(row_dot(leave, i, later)) > highest:
-            highest = abs(row_dot(leave, i, later))
-            glance = at
-    reached = max(highest, abs(row_dot(leave, i, z)), LEAST * level, rounding_level(flight, leave, i, z))
+    flow_state(flight, z, duration, later)
+    highest = abs(row_dot(leave, i, later))
+    reached = max(highest, peaks[i], LEAST * level, rounding_level(flight, leave, i, z))
     copy_1(z, now)
     copy_1(leave[n + i], scratch[0, 0])
-    row_times_matrix(leave, n + i, flight.matrix, scratch[1])
-    row_times_matrix(scratch[1], 0, flight.matrix, scratch[2])
+    row_times_matrix(flight, leave, n + i, scratch[1])
+    row_times_matrix(flight, scratch[1], 0, scratch[2])
     rate = row_dot(leave, n + i, z)
     # At rest, or without acceleration too, as where an impulse hits another coordinate, the next derivative decides where it goes.
     if abs(rate) <= rounding_level(flight, leave, n + i, z):
@@ -535,5 +537,5 @@ def peak_of_piece(flight, leave, i, piece, peaks, when, scratch, edge, work):
         if resumed:
             leaving = -1
             side[0] = -1.0 if row_dot(scratch[0], 0, now) > 0.0 else 1.0
-    raise_peak(i, highest, began + glance, peaks, when)
+    raise_peak(i, highest, began + duration, peaks, when)
     return True
