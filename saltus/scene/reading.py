@@ -23,7 +23,7 @@ import numpy as np
 
 from branches.files import read_input
 from bvp.expressions import normalised
-from bvp.texts import shown
+from bvp.texts import listed, shown
 from saltus.errors import BadInput, nearest, one_line
 
 __all__ = [
@@ -142,7 +142,9 @@ def read_toml(path: Path, where: str, names: Iterable[str] = (), expected: str =
         The end of the message if nothing is near.
     """
     try:
-        return TomlTable(_with_plain_names(tomllib.loads(read_input(path).decode("utf-8"))), where)
+        return TomlTable(_with_plain_names(tomllib.loads(read_input(path).decode("utf-8")), where), where)
+    except BadInput:
+        raise
     except FileNotFoundError as error:
         beside = [str(entry) for entry in path.parent.glob("*.toml")]
         raise BadInput(f"{where} does not exist{nearest(str(path), [*beside, *names]) or expected}") from error
@@ -152,15 +154,17 @@ def read_toml(path: Path, where: str, names: Iterable[str] = (), expected: str =
         raise BadInput(f"cannot read {where} as TOML: {one_line(error)}") from error
 
 
-def _with_plain_names(content: Any) -> Any:
+def _with_plain_names(content: Any, where: str) -> Any:
     """The content of a file with each name, and each text that can be one, as expressions have it."""
     if isinstance(content, dict):
-        plain = {normalised(key): _with_plain_names(value) for key, value in content.items()}
+        plain = {normalised(key): _with_plain_names(value, where) for key, value in content.items()}
         if len(plain) < len(content):
-            raise ValueError(f"two names are one, written with other characters: {', '.join(content)}")
+            keys = [key for key in content if [normalised(other) for other in content].count(normalised(key)) > 1]
+            codes = [f"{key} ({' '.join(f'U+{ord(letter):04X}' for letter in key)})" for key in keys]
+            raise BadInput(f"{where}: {listed(codes)} are one name, written with other characters; rename one of them")
         return plain
     if isinstance(content, list):
-        return [_with_plain_names(value) for value in content]
+        return [_with_plain_names(value, where) for value in content]
     return normalised(content) if isinstance(content, str) and content.isidentifier() else content
 
 
