@@ -115,7 +115,7 @@ def free_event(
         made, start, grazing = free_grazing_at(problem, y, observed_free(problem, y))
         plane, start = plane_of(made, start, names, keep)
         return plane, "GR", grazing, start
-    found = min(_candidates(problem, y, code, names, keep), key=lambda one: one.singular, default=None)
+    found = min(_candidates(problem, y, code, names, keep), key=lambda one: round(one.singular, 10), default=None)
     if found is None or found.singular > _SINGULAR:
         raise ValueError(_why_none(problem, y, code))
     return found.plane, found.code, FreeKind(found.symmetry, found.doubled), found.y

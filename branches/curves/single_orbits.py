@@ -113,7 +113,7 @@ def _folded(segment: Segment, odd: bool) -> _Folded | None:
         for image, turn in images
         if image[:2] == segment[:2]
     ]
-    return min(found, key=lambda one: one.apart, default=None)
+    return min(found, key=lambda one: round(one.apart, 10), default=None)  # an orbit with more symmetries is several of its images
 
 
 def without_grazing(curve: BifurcationCurve, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:

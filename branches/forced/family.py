@@ -180,11 +180,9 @@ class ForcedFamily(AlongParameters, SolvedFamily):
     def _angle_of_pair(self, at: Step) -> float | None:
         """The angle in (0, pi) of a pair of multipliers on the unit circle; None where the product of two real ones is 1."""
         found = self.problem.multipliers(at.y)
-        upper = found[found.imag > 0.0]
-        if not len(upper):
-            return None
-        nearest = upper[np.argmin(np.abs(np.abs(upper) - 1.0))]
-        return float(np.angle(nearest)) if abs(abs(nearest) - 1.0) < _ON_CIRCLE else None
+        upper = sorted(found[found.imag > 0.0], key=np.angle)
+        nearest = min(upper, key=lambda one: round(abs(abs(one) - 1.0), 10), default=None)
+        return float(np.angle(nearest)) if nearest is not None and abs(abs(nearest) - 1.0) < _ON_CIRCLE else None
 
 
 def parameter_family(

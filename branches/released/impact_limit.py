@@ -16,6 +16,7 @@ import numpy as np
 
 from branches.admissible import unphysical
 from branches.orbit import Orbit
+from branches.order import in_tied_order
 from branches.released.branch import ReleasedBranch
 from bvp.closures import EndsError
 from bvp.kernels.multipoint import STOP
@@ -220,7 +221,7 @@ def _contacts(orbit: Orbit, limit: ImpactSystem, springs: Sequence[StiffSpring])
                 if push > others:
                     certain, place = push > _CERTAIN * others, modes.to_state @ state
                     found.append((time, Contact(float(begins[i]) + time, _letter(limit, first + k, side), spring.speed(w), certain, place)))
-        yield from (contact for _, contact in sorted(found, key=lambda one: one[0]))
+        yield from (contact for _, contact in in_tied_order(found, lambda one: one[0], lambda one: one[1].letter))
 
 
 def _guess(
