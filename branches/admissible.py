@@ -75,7 +75,8 @@ def _impact_name(problem: MultipointProblem | ForcedProblem, number: int) -> str
 
 def _vanishing_impact(problem: MultipointProblem | ForcedProblem, node: int) -> dict[str, Any]:
     """The stop's letter and the note of an impact whose speed reaches zero. node: the flight that it ends; inner + 1: that at the start."""
-    letter = problem.modes.contact_letters[problem.contacts[node]]
+    # A half period ends with the mirror image of its first impact.
+    letter = problem.modes.contact_letters[problem.contacts[node + 1 if problem.periodic and node == problem.inner else node]]
     name = _impact_name(problem, 0 if node > problem.inner else (node + 1) // problem.pieces)
     place = name if name.startswith("impact") else f"impact at {name}"
     return {"stop": letter, "note": f"the {place} (stop {letter}) vanishes: its speed reaches zero"}

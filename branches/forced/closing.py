@@ -147,19 +147,7 @@ def without_moment(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem
 
 
 def with_exact_ends(family: ForcedFamily | ReleasedFamily, run: Run) -> Run:
-    """A run whose ends at a moment that vanishes are located exactly.
-
-    Parameters
-    ----------
-    family : ForcedFamily or ReleasedFamily
-    run : Run
-        Of the family.
-
-    Returns
-    -------
-    Run
-        The same one if it has no such end.
-    """
+    """A run of a family whose ends at a moment that vanishes are located exactly: the same one if it has no such end."""
     if not isinstance(family, ForcedFamily) or not run.points or run.closed or not family.problem.events:
         return run
     points, events, ends, start = list(run.points), list(run.events), list(run.ends), run.start

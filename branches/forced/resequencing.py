@@ -15,8 +15,8 @@ __all__ = [
     "without_flight", "without_impact", "without_node",
 ]  # fmt: skip
 
-_INSTANT = 1e-7
-"""Part of the period over which an acceleration is a difference of velocities."""
+_INSTANT, _ROUNDS = 1e-7, 12
+"""Part of the period over which an acceleration is a difference of velocities, and updates of the time of a bounce."""
 
 GRAZES = 1e-9
 """Clearance, impact speed and flight, in units of arclength and of the period, that are zero: at a grazing, and of impacts at once."""
@@ -185,8 +185,12 @@ def with_first_bounce(problem: ForcedProblem, solution: Solution) -> tuple[Force
     state, fraction = problem.fly(nodes[flight], float(times[flight]), flight)
     node = np.array([*state, fraction, *nodes[flight, size + 1 :]])
     node -= segment.jump[flight] * segment.push[flight] * (segment.gap_rate[flight] @ node)
-    row, short = segment.gap_rate[flight, :size], _INSTANT * problem.period(y)
-    press = row @ (problem.fly(node, short, flight)[0] - node[:size]) / short
+    row, short, half = segment.gap_rate[flight, :size], _INSTANT * problem.period(y), size // 2
+    bounce = -2.0 * short * (row @ node[:size]) / (row @ (problem.fly(node, short, flight)[0] - node[:size]))
+    for _ in range(_ROUNDS):  # Newton's method for the mean speed of the gap, which is 0 where it closes again
+        ahead = problem.fly(node, bounce, flight)[0]
+        mean = row[half:] @ (ahead[:half] - node[:half]) / bounce
+        bounce -= mean * bounce / (row @ ahead - mean)
     place, sign = flight + 1, 1.0
     if flight == problem.inner:
         place, sign = 0, segment.closing[0]
@@ -194,7 +198,7 @@ def with_first_bounce(problem: ForcedProblem, solution: Solution) -> tuple[Force
     letter = problem.sequence[place].removesuffix(CLOSES)
     sequence = [*problem.sequence[:place], letter, *problem.sequence[place:]]
     states, fractions = np.insert(nodes[:, :size], place, sign * node[:size], axis=0), np.insert(nodes[:, size], place, node[size])
-    made, guess = resequenced(problem, sequence, states, fractions, np.insert(times, place, -2.0 * (row @ node[:size]) / press), y)
+    made, guess = resequenced(problem, sequence, states, fractions, np.insert(times, place, bounce), y)
     return made, made.solve(guess).y  # at this value of the parameter: near a guess there are orbits on one side of it
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from branches.admissible import unphysical
+from branches.admissible import GRAZING, describe_grazing, unphysical
 from branches.events import FREE_NORMAL_FORMS, Ended, event_ids
 from branches.extending import joined
 from branches.family import SETTINGS
@@ -39,7 +40,11 @@ SWITCHES = ("PD", "SB", "BP", "GR", "LB")
 """Events at which other families begin."""
 
 _ON_BOUND = 1e-12
-"""Distance from a bound of the parameter, in units of its default, within which it is on the bound."""
+"""Distance from a bound of the parameter, beside its values, within which it is on the bound."""
+
+_LOCATED, _BESIDE = 1e-9, 1e-5
+"""Distance from a bound within which the end of a run was located there, and clearance, speed or flight time beside a grazing, as parts of
+those of the orbit."""
 
 OUT_OF_DOMAIN = "DOMAIN"
 """Reason of an end behind which the system cannot have the values of its parameters."""
@@ -165,7 +170,7 @@ def _require_inside(problem: ForcedProblem, start: np.ndarray | Step, interval: 
     """Refuse a start outside a range: a family would end at once, as if it had the end of the range there."""
     name, (low, high) = problem.released[0], interval
     value = problem.parameters(start.y if isinstance(start, Step) else np.asarray(start, dtype=float))[name]
-    slack = _ON_BOUND * max(abs(value), abs(problem.values[name]))
+    slack = _ON_BOUND * max(abs(bound) for bound in (value, problem.values[name], low, high) if math.isfinite(bound))
     if not low - slack <= value <= high + slack:
         where = "" if origin is None else f", where the family begins at {origin}"
         raise ValueError(f"the range {low:g}:{high:g} does not contain {name} = {value:.10g}{where}")
@@ -279,16 +284,16 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
 
 
 def _put_on_bounds(problem: ForcedProblem, run: Run, interval: tuple[float, float]) -> None:
-    """Give the first and the last orbit of a run the bound of the parameter from which rounding sets them apart: 0, not 1e-15. Where
-    perturbations grow so much that the orbit would be no solution there, it stays as it is."""
+    """Solve the first and the last orbit of a run at the bound of the parameter at which they were located: 0, not 1e-15. Where
+    Newton's method finds no orbit, as where perturbations grow too much, it stays as it is."""
     place = 2 * problem.degrees_of_freedom + 1
-    rounding = _ON_BOUND * (abs(problem.values[problem.released[0]]) or 1.0)
     for point in (run.points[0], run.points[-1]):
         for bound in parameter_bounds(problem, interval)[0]:
-            if abs(point.step.y[place] - bound) <= rounding:
-                moved = point.step.y.copy()
+            moved = point.step.y.copy()
+            if abs(moved[place] - bound) <= _LOCATED * max(abs(moved[place]), abs(problem.values[problem.released[0]]) or 1.0):
                 moved[place] = bound
-                if problem.step(moved, np.zeros(2 * problem.unknowns), 0.0, maximum=0) is not None:
+                with suppress(NotConverged):
+                    point.step.y[:] = problem.solve(moved).y
                     point.step.y[place] = bound
 
 
@@ -318,6 +323,9 @@ def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: st
             why = family.violation(point.step.y, point.step.tangent, sign * distance)
             if why is not None:
                 return Ended(OUT_OF_DOMAIN, f"the system ends at {name} = {point.step.parameter:.12g}: {why}")
+        found, keys, units = point.step.extra, ("clearance", "speed", "flight"), (problem.reach, problem.speed, problem.duration)
+        near, verb = min((abs(float(found[key])) / unit(found), verb) for verb, key, unit in zip(GRAZING, keys, units, strict=True))
+        text += f"; it is beside a grazing: {describe_grazing(problem, found, verb)['note']}" if near < _BESIDE else ""
     if end.reason is EndReason.EVENT and point.event is not None:
         value = problem.parameters(point.step.y)[name]
         text = f"{point.event.code} at {name} = {value:.12g}: {point.event.details.get('note')}{end.unlocated}"

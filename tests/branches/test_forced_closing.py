@@ -155,6 +155,16 @@ def test_bounces_that_last_too_long_go_on_with_the_first_one_apart(amplitude):
     assert onwards.events[-1].values["e"] == pytest.approx(beyond.events[-1].values["e"], rel=1e-10)
 
 
+def test_long_first_bounces_are_found():
+    """Oracle: a simulation behind the place. The first bounce lasts longer than the force at its impact suggests."""
+    parametric, values = load_scene("impact_oscillator").parametric, {"w": 3.9, "s": -0.391, "r": 0.01}
+    branch = response(parametric, "r", (0.0, 1.0), values)
+    assert branch.parameter[0] == 0.0
+    ((_, step),) = switch_response(branch, branch.events[-1])
+    beyond = response(parametric, "r", (0.139, 0.141), values | {"r": float(step.y[3])})
+    assert step.y == pytest.approx(beyond.unknowns[beyond.start], abs=1e-9)
+
+
 def coupled(mass, distance, restitution=0.5):
     """Two masses that M couples. The first one can stick at its stop when the second one hits its own."""
     return ParametricSystem.from_description(

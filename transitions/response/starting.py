@@ -17,6 +17,7 @@ from branches.forced.resonance import is_driven
 from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
+from bvp.kernels.flight import fastest_rate
 from bvp.motion import EventKind, Motion
 from bvp.multipoint import LARGEST, NotConverged, Solution, enough_pieces
 from bvp.simulate import simulate
@@ -243,7 +244,7 @@ def nodes_of(path: ParameterPath, settled: Settled) -> MotionNodes:
     # Rounding can leave a sticking stop a little beyond its bound.
     state = carried_into(system, Carried(settled.states[0]))[0].state
     motion = simulate(system, state[:n], state[n:], 3.0 * period, forces=forces)
-    fastest = max([float(np.sqrt(np.abs(system.modes.squares).max())), *(getattr(force, "frequency", 0.0) for force in forces)])
+    fastest = max([fastest_rate(system.modes.flight), *(getattr(force, "frequency", 0.0) for force in forces)])
     return _last_period(motion, period, _SUMMED / fastest)
 
 
