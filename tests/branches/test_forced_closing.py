@@ -140,8 +140,7 @@ def test_bounces_before_sticking_vanish_where_the_contact_force_does():
 
 @pytest.mark.parametrize("amplitude", [2.0, 3.0])
 def test_bounces_that_last_too_long_go_on_with_the_first_one_apart(amplitude):
-    """Oracle: the family of the motion that a simulation settles on behind this place, which is the same one: it ends at the same value.
-    A guess beside the place leads to orbits before it, where the first bounce can be apart, too."""
+    """Oracle: the family that a simulation settles on behind this place ends at the same value. A guess leads to orbits before it, too."""
     parametric = load_scene("damped_impact_oscillator").parametric
     branch = response(parametric, "e", (0.0, 1.0), {"A": amplitude, "e": 0.005})
     place = branch.events[-1]
@@ -155,13 +154,14 @@ def test_bounces_that_last_too_long_go_on_with_the_first_one_apart(amplitude):
     assert onwards.events[-1].values["e"] == pytest.approx(beyond.events[-1].values["e"], rel=1e-10)
 
 
-def test_long_first_bounces_are_found():
-    """Oracle: a simulation behind the place. The first bounce lasts longer than the force at its impact suggests."""
-    parametric, values = load_scene("impact_oscillator").parametric, {"w": 3.9, "s": -0.391, "r": 0.01}
-    branch = response(parametric, "r", (0.0, 1.0), values)
-    assert branch.parameter[0] == 0.0
+def test_long_bounces_are_impacts_of_their_own():
+    """Oracle: simulated states behind the end of summed bounces, and beside a strong damper."""
+    plain, damped = (load_scene(name).parametric for name in ("impact_oscillator", "damped_impact_oscillator"))
+    branch = response(plain, "r", (0.0, 1.0), {"w": 3.9, "s": -0.391, "r": 0.01})
     ((_, step),) = switch_response(branch, branch.events[-1])
-    beyond = response(parametric, "r", (0.139, 0.141), values | {"r": float(step.y[3])})
+    beyond = response(plain, "r", (0.139, 0.141), {"w": 3.9, "s": -0.391, "r": float(step.y[3])})
+    strong = response(damped, "A", (1500.0, 2500.0), {"c": 1e3, "e": 0.5, "A": 2e3})
+    assert (branch.parameter[0], *strong.parameter[[0, -1]], strong.sequence) == (0.0, 1500.0, 2500.0, "++++=")
     assert step.y == pytest.approx(beyond.unknowns[beyond.start], abs=1e-9)
 
 
