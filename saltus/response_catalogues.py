@@ -97,6 +97,7 @@ def save_followed(place: Path, record: SceneRecord, found: Onwards, starts: Sequ
     from branches.catalogue import Catalogue
     from branches.catalogue.responses import kept_branch, orbit_of
     from branches.catalogue.widening import CannotWiden
+    from branches.forced.known import place_of
     from bvp.contact_sequence import joined_sequence
 
     lines, code = [], DONE
@@ -119,7 +120,7 @@ def save_followed(place: Path, record: SceneRecord, found: Onwards, starts: Sequ
         for source, event, number in _beginnings(found, starts):
             if number not in ids:
                 continue
-            where = event_in(source, event.type, event.values[name])
+            where = event_in(source, event.type, place_of(source, event.point))
             if where is None:
                 lines.append(f"note   {place} has no family with {event.id}, where {ids[number]} begins: expected it saved, too")
                 continue
@@ -142,16 +143,16 @@ def _beginnings(found: Onwards, starts: Sequence[ResponseStart]) -> Iterator[tup
         yield branch, next(event for event in branch.events if event.id == id), number
 
 
-def _event_in(catalogue: Catalogue, source: ForcedBranch, type: str, value: float) -> tuple[ForcedBranch, ForcedEvent] | None:
+def _event_in(catalogue: Catalogue, source: ForcedBranch, type: str, place: tuple[float, float]) -> tuple[ForcedBranch, ForcedEvent] | None:
     """A branch of a catalogue and its event that is the event of another branch of the family; None if there is none."""
     from branches.catalogue.responses import kept_branch
+    from branches.forced.known import events_at
 
     id = kept_branch(catalogue, source).id
     if id not in catalogue:
         return None
     branch = catalogue.branch(id)
-    slack = 1e-7 * max(1.0, abs(value))
-    near = [event for event in branch.events if event.type == type and abs(event.values[branch.name] - value) <= slack]
+    near = events_at(branch, (type,), place)
     return (branch, near[0]) if near else None
 
 

@@ -215,7 +215,7 @@ class Link:
 
     source: id of the family or linear mode. event, type: of the event there. kind: of the edge. note: a text. target: id of the node on
     the other side, if it is known without a search. here, there: the event's orbit as the two families have it. width: of the event's
-    bracket.
+    bracket. flux: of the impacts of a response's orbit there.
     """
 
     source: str
@@ -230,6 +230,7 @@ class Link:
     here: EventOrbit | None = None
     there: EventOrbit | None = None
     width: float = 0.0
+    flux: float = 0.0
 
 
 class Answer(NamedTuple):

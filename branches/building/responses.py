@@ -26,9 +26,9 @@ from branches.catalogue.rows import Edge, FamilyRow
 from branches.files import one_line
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.family import ForcedFamily
-from branches.forced.identity import invariants
-from branches.forced.known import KnownEvents
-from branches.forced.primitive import kind_of, primitive_orbit
+from branches.forced.identity import impact_flux, invariants
+from branches.forced.known import events_at, has_orbit
+from branches.forced.primitive import primitive_orbit
 from branches.forced.record import problem_from, problem_record
 from branches.forced.tracing import SWITCHES, follow_response, primitive_branch, switch_response
 from bvp.contact_sequence import joined_sequence
@@ -87,8 +87,7 @@ class ResponseSeed(NamedTuple):
     """An orbit whose family is followed.
 
     problem: as `branches.forced.record.problem_record` gives it. y: unknowns. tangent: None, or the tangent at a first orbit.
-    interval: the family is followed in it. depth: how many events further families are followed from it. link: how it was reached. kind:
-    `branches.forced.primitive.kind_of` its orbits. speed: of the fastest impact of the event's orbit.
+    interval: the family is followed in it. depth: how many events further families are followed from it. link: how it was reached.
     """
 
     problem: dict[str, Any]
@@ -97,8 +96,6 @@ class ResponseSeed(NamedTuple):
     interval: tuple[float, float]
     depth: int
     link: Link | None = None
-    kind: str = ""
-    speed: float = 0.0
 
 
 class _Answer(NamedTuple):
@@ -113,12 +110,10 @@ class _Answer(NamedTuple):
     images: tuple[str, ...] = ()
 
 
-def seed_of(
-    problem: ForcedProblem, start: Any, interval: tuple[float, float], depth: int, link: Link | None = None, speed: float = 0.0
-) -> ResponseSeed:
-    """The seed of a start: unknowns (u,), or a `continuation.problem.Step` with its tangent. The rest: as in `ResponseSeed`."""
+def seed_of(problem: ForcedProblem, start: Any, interval: tuple[float, float], depth: int, link: Link | None = None) -> ResponseSeed:
+    """The seed of a start: unknowns (u,), or a `continuation.problem.Step` with its tangent."""
     y, tangent = (start, None) if isinstance(start, np.ndarray) else (start.y, tuple(start.tangent.tolist()))
-    return ResponseSeed(problem_record(problem), tuple(y.tolist()), tangent, interval, depth, link, kind_of(problem), speed)
+    return ResponseSeed(problem_record(problem), tuple(y.tolist()), tangent, interval, depth, link)
 
 
 def build_responses(
@@ -210,7 +205,7 @@ def _beginning(branch: ForcedBranch, event: ForcedEvent, seed: ResponseSeed) -> 
     seeds = []
     for problem, step in found if event.type in ("GR", "LB") else found[:1]:
         its = replace(link_at(branch, event, joined_sequence(problem.sequence)), there=orbit_of(problem, step.y))
-        seeds.append(seed_of(problem, step, seed.interval, seed.depth - 1, its, branch.fastest(event.point)))
+        seeds.append(seed_of(problem, step, seed.interval, seed.depth - 1, its))
     return seeds, ""
 
 
@@ -224,8 +219,9 @@ def link_at(branch: ForcedBranch, event: ForcedEvent, sequence: str | None = Non
             persists = _side(branch, event) != _side(onward, event)
         kind = "passage" if event.type == "LB" or persists is not False else "fold"
     place = float(branch.parameter[event.point]), float(branch.periods[event.point])
-    here, width = orbit_of(branch.problem, branch.unknowns[event.point]), event.bracket[1] - event.bracket[0]
-    return Link(branch.id, event.id, event.type, kind, *place, event.stop, None, None, here, None, width)
+    problem, y, width = branch.problem, branch.unknowns[event.point], event.bracket[1] - event.bracket[0]
+    here, flux = orbit_of(problem, y), impact_flux(problem, y)
+    return Link(branch.id, event.id, event.type, kind, *place, event.stop, None, None, here, None, width, flux)
 
 
 def _side(branch: ForcedBranch, event: ForcedEvent) -> float:
@@ -236,7 +232,7 @@ def _side(branch: ForcedBranch, event: ForcedEvent) -> float:
     return float(next((np.sign(one) for one in ahead if abs(one) > _SLIGHT * max(1.0, abs(value))), 0.0))
 
 
-@dataclass
+@dataclass(eq=False)
 class _Piece:
     key: str
     seed: ResponseSeed
@@ -253,7 +249,7 @@ class _Build:
 
     def __post_init__(self) -> None:
         self.met: dict[tuple[str, str], None] = {}
-        self.known = KnownEvents[str]()
+        self.has_first_orbit, self.branch = cache(self._has_first_orbit), cache(self.catalogue.branch)
         self.report: dict[str, Any] = {"failed": [], "lost": [], "images": [], "depths": {}}
         self.count = 0
         description = json.dumps(self.catalogue.scene.system)
@@ -326,8 +322,6 @@ class _Build:
         for edge in catalogue.edges():
             self._meet(edge.source, edge.source_event)
             self._meet(str(edge.target), edge.target_event)
-        for row in catalogue.all_families():
-            self.known.add_events(catalogue.branch(row.id), row.id)
         self.frontier.extend(_Piece(key, seed) for key, seed in seeds)
         return True
 
@@ -343,10 +337,11 @@ class _Build:
 
     def _known_family(self, piece: _Piece) -> str | None:
         """The id of the family of a seed, if it was followed as far as from there; None if it was not."""
-        link, depths = piece.seed.link, self.report["depths"]
-        if link is None:
-            return None
-        return self.known.family_at(piece.seed.kind, link.type, link.h, piece.seed.speed, lambda id: depths[id] >= piece.seed.depth)
+        deep = [id for id, depth in self.report["depths"].items() if depth >= piece.seed.depth and piece.seed.link is not None]
+        return next((id for id in deep if self.has_first_orbit(id, piece)), None)
+
+    def _has_first_orbit(self, id: str, piece: _Piece) -> bool:
+        return has_orbit(self.branch(id), problem_from(self.catalogue.parametric, piece.seed.problem), np.array(piece.seed.y))
 
     def _take(self, seed: ResponseSeed, answer: _Answer) -> None:
         link = seed.link
@@ -361,7 +356,6 @@ class _Build:
         self.report["depths"][id] = max(seed.depth, self.report["depths"].get(id, 0))
         if new:
             self.catalogue.add(kept_as(answer.packed, id))
-            self.known.add_events(self.catalogue.branch(id), id)
             if self.on_family is not None:
                 self.on_family(self.catalogue.family(id))
         if link is not None and link.source == id and link.kind == "switch":
@@ -390,9 +384,8 @@ class _Build:
         None if that has no such event."""
         if new:
             return replace(link, source=id)
-        slack = max(_SAME, link.width) * max(1.0, abs(link.h))
         branch = self.catalogue.branch(id)
-        near = [event for event in branch.events if event.type == link.type and abs(event.values[branch.name] - link.h) <= slack]
+        near = events_at(branch, (link.type,), (link.h, link.flux), link.width)
         if not near:
             return None
         return replace(link_at(branch, near[0]), kind=link.kind, note=link.note, there=link.there)
@@ -414,10 +407,9 @@ def edge_of(catalogue: Catalogue, link: Link, target: str | None) -> Edge:
     if target is None or link.there is None:
         return edge
     types = (link.type,) if link.type in ("GR", "LB") else ("BP", "SB", "PD")
-    slack = max(_SAME, link.width) * max(1.0, abs(link.h))
-    near = [event for event in catalogue.events(target) if event.type in types and abs(event.h - link.h) <= slack]
-    event = next((event for event in near if (target, event.id) != (link.source, link.event)), None)
     branch = catalogue.branch(target)
+    near = events_at(branch, types, (link.h, link.flux), link.width)
+    event = next((event for event in near if (target, event.id) != (link.source, link.event)), None)
     if event is not None:
         return replace(edge, target_event=event.id, target_orbit=orbit_of(branch.problem, branch.unknowns[event.point]))
     # Another image of this orbit has other unknowns, so the nearest orbit of the stored family is taken.

@@ -18,7 +18,7 @@ from branches.catalogue.rows import EventOrbit, FamilyRow, compact_json, event_v
 from branches.events import BranchEvent, Ended
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.closing import largest_residual
-from branches.forced.identity import invariants, window_of
+from branches.forced.identity import impact_flux, invariants, window_of
 from branches.forced.record import problem_from, problem_record, range_from
 from branches.forced.tracing import follow_response, primitive_branch
 from branches.released.branch import branch_in_parameter
@@ -244,8 +244,7 @@ def _measures(problem: ForcedProblem, y: np.ndarray) -> tuple[float, float]:
     if isinstance(problem, ReleasedProblem):
         _, period, _, energy, speed = invariants(problem, y).tolist()
         return _impacts(problem) * speed**2 / period, energy
-    flux = float(np.sum(problem.impact_speeds(y) ** 2)) * (2.0 if problem.half else 1.0) / problem.period(y)
-    return flux, float(np.abs(problem.nodes(y)[:, : problem.degrees_of_freedom]).max())
+    return impact_flux(problem, y), float(np.abs(problem.nodes(y)[:, : problem.degrees_of_freedom]).max())
 
 
 def kept_branch(catalogue: CatalogueStore, branch: ForcedBranch) -> ForcedBranch:

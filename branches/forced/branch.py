@@ -18,9 +18,6 @@ from bvp.texts import brief
 
 __all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "sequence_text", "wrapped"]
 
-_SLOW = 1e-6
-"""Speed of an impact that grazes, in the unit of velocities: a located grazing has about 1e-12."""
-
 _ROUNDING = 16.0 * np.finfo(float).eps
 """Relative change of the unknowns whose effect on a multiplier, times `_SAFETY`, counts as its error."""
 
@@ -236,11 +233,6 @@ class ForcedBranch:
         """Speed of approach of each impact, (N, k); of a chatter that is summed, that of the first bounce."""
         nodes = self._impacts[0]
         return np.array([self.problem.impact_speeds(y)[nodes] for y in self.unknowns]).reshape(len(self), len(nodes))
-
-    def fastest(self, point: int) -> float:
-        """The speed of the fastest impact at a point; 0 without impacts, and where all graze."""
-        speed = float(np.max(np.abs(self.problem.impact_speeds(self.unknowns[point])), initial=0.0))
-        return speed if speed > _SLOW * self.problem.segment.scale[self.problem.degrees_of_freedom] else 0.0
 
     @cached_property
     def multipliers(self) -> np.ndarray:

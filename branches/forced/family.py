@@ -174,6 +174,9 @@ class ForcedFamily(AlongParameters, SolvedFamily):
             return EventDetails("GR", True, data)
         names = f"stops {stops[0].name} and {stops[1].name}"
         if no_order(problem, flight):
+            speeds = problem.impact_speeds(solution.y)[[flight, flight - problem.inner]]
+            if np.abs(speeds).max() <= SAME * problem.segment.scale[problem.degrees_of_freedom]:  # both vanish, and meet there
+                return EventDetails("GR", True, data | describe_grazing(problem, solution, "vanishes"))
             return EventDetails("LB", True, data | {"note": f"impacts at {names} exchange their order; the family continues"})
         return EventDetails("EP", True, data | {"note": f"{names} are hit at once and interact: restitution does not define what follows"})
 

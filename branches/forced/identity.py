@@ -39,7 +39,7 @@ from continuation.run import follow_both_ways
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch
 
-__all__ = ["FullResponse", "canonical_letters", "closure_name", "full_response", "invariants", "window_of"]
+__all__ = ["FullResponse", "canonical_letters", "closure_name", "full_response", "impact_flux", "invariants", "window_of"]
 
 WINDOW = 100.0
 """A family is looked for up to this factor above and below the scale of its parameter."""
@@ -55,6 +55,9 @@ _TIE = 1e-8
 
 _ZERO = 1e-9
 """Value of a parameter, beside its scale, that counts as zero."""
+
+_SLOW = 1e-6
+"""Speed of an impact that grazes, in the unit of velocities: a located grazing has about 1e-12."""
 
 _BESIDE = 1e-6
 """Distance from a branch point, beside the scale of the parameter, within which a fold is that of this point."""
@@ -87,8 +90,9 @@ def canonical_letters(problem: ForcedProblem) -> str:
 
 def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
     """Numbers of an orbit that no image changes, (5,): the parameter, the period, two sums over the phases of the impacts, and the root
-    mean square of their speeds. Of a free orbit, which has no phase, the pattern of its impacts and the energy are in place of the sums.
-    Without impacts, beside smooth forces, they are root mean squares of displacements and velocities at each half period of the loads."""
+    mean square of their speeds, in which each stop has a weight. Of a free orbit, which has no phase, the pattern of its impacts and the
+    energy are in place of the sums. Without impacts, beside smooth forces, they are root mean squares of displacements and velocities at
+    each half period of the loads."""
     if isinstance(problem, ReleasedProblem):
         return free_invariants(problem, y)
     value = float(y[2 * problem.degrees_of_freedom + 1])
@@ -97,8 +101,34 @@ def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
     angles = 4.0 * math.pi * problem.load_periods * nodes[:, 2 * problem.degrees_of_freedom] if problem.has_clock else np.zeros(len(nodes))
     if not len(nodes):
         return np.array([value, problem.period(y), *(_root_mean_squares(problem, y) if problem.is_smooth else (0.0, 0.0)), 0.0])
+    square = np.average(problem.impact_speeds(y) ** 2, weights=_weights(problem))
+    return np.array([value, problem.period(y), np.mean(np.cos(angles)), np.mean(np.sin(angles)), np.sqrt(square)])
+
+
+def _weights(problem: ForcedProblem) -> np.ndarray:
+    """A weight of the stop of each impact: orbits of alike parts that do not interact can differ by which part moves in what way."""
+    weights: np.ndarray = np.sqrt(1.0 + problem.modes.contact_stop[np.roll(problem.contacts[:-1], 1)])
+    return weights
+
+
+def impact_flux(problem: ForcedProblem, y: np.ndarray) -> float:
+    """The sum of the squared impact speeds over the period, in which each stop has a weight; 0 without impacts, and where all graze.
+
+    It is one number of the orbit at an event in the unknowns of all families that meet there."""
     speeds = problem.impact_speeds(y)
-    return np.array([value, problem.period(y), np.mean(np.cos(angles)), np.mean(np.sin(angles)), np.sqrt(np.mean(speeds**2))])
+    if not np.max(speeds, initial=0.0) > _SLOW * problem.segment.scale[problem.degrees_of_freedom]:
+        return 0.0
+    return float(_weights(problem) @ speeds**2) * (2.0 if problem.half else 1.0) / problem.period(y)
+
+
+def _resultant(problem: ForcedProblem, y: np.ndarray) -> float:
+    """Of an orbit that hits several stops: modulus of the sum of its weighted impact speeds as vectors that turn once in the solved
+    segment, over the fastest one; 0 of others, and where all impacts graze. Families of parts that do not interact can share the rest."""
+    weights, times = _weights(problem), problem.flight_times(y)
+    if len(set(weights.tolist())) < 2 or not impact_flux(problem, y):
+        return 0.0
+    speeds, turns = problem.impact_speeds(y), np.exp(2j * math.pi * (np.cumsum(times) - times) / np.sum(times))
+    return float(abs(weights * speeds @ turns) / (weights.sum() * speeds.max()))
 
 
 def _root_mean_squares(problem: ForcedProblem, y: np.ndarray) -> list[float]:
@@ -246,7 +276,7 @@ def _mark(problem: ForcedProblem, kind: str, y: np.ndarray) -> FamilyMark:
     if isinstance(problem, ReleasedProblem):
         phases, path = first, path.replace(" ", "")
     elif problem.sequence:  # a sum of phases far from zero has six digits
-        phases = 3.0 + first + 0.5 * second
+        phases = 3.0 + first + 0.5 * second + 0.25 * _resultant(problem, y)
     else:  # at a value of the parameter that is no event's the displacements alone tell families apart
         rest = _ZERO * float(problem.segment.scale[: problem.degrees_of_freedom].max())
         phases = first if kind == "EP" and first > rest else 0.0

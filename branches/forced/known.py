@@ -1,49 +1,73 @@
-"""Which families of forced orbits are known already: two are one family if they share an event."""
+"""Whether two events are one, and whether a family of forced orbits is known already: it has the first orbit that is found at an event."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+import math
+from collections.abc import Sequence
 
-from branches.forced.branch import ForcedBranch
+import numpy as np
+from scipy.optimize import brentq
+
+from branches.forced.branch import ForcedBranch, ForcedEvent
+from branches.forced.family import parameter_family
+from branches.forced.identity import impact_flux, invariants
 from branches.forced.primitive import kind_of
-from branches.forced.tracing import SWITCHES
 from bvp.forced import ForcedProblem
 
-__all__ = ["KnownEvents"]
+__all__ = ["events_at", "has_orbit", "place_of"]
 
 _SAME = 1e-7
 """Largest difference, beside the value, of the parameter at an event that two families share."""
 
-_SPEED = 1e-3
-"""Largest relative difference of the fastest impact of the orbit there."""
+_FLUX = 2e-3
+"""Largest relative difference of the impact flux of the orbit there."""
 
-Key = TypeVar("Key")
+_FLOOR = 1e-6
+"""Change of a number along a branch, beside the number, that is rounding."""
+
+_ON = 1e-6
+"""Distance of two orbits, in units of the change along the branch, that are one."""
+
+_MARGIN = 0.2
+"""Part of the arclength between two points by which an orbit is sought beyond them."""
 
 
-@dataclass
-class KnownEvents(Generic[Key]):
-    """The events of families that were followed. A family that begins at one of them is known if its orbits have the same period, symmetry
-    and impacts. Impacts are the same if they are those of the mirror image, so of two mirror images one is known by the other."""
+def place_of(branch: ForcedBranch, point: int) -> tuple[float, float]:
+    """The parameter and the impact flux at a point. Of parts that do not interact, several families of one kind begin at one value."""
+    return float(branch.parameter[point]), impact_flux(branch.problem, branch.unknowns[point])
 
-    _rows: dict[str, list[tuple[float, float, Key]]] = field(default_factory=dict)
 
-    def add(self, problem: ForcedProblem, value: float, speed: float, key: Key) -> None:
-        """Know a family at a value of its parameter, where it begins, and where the fastest impact of the orbit has a speed."""
-        self._rows.setdefault(kind_of(problem), []).append((value, speed, key))
+def events_at(branch: ForcedBranch, types: Sequence[str], place: tuple[float, float], width: float = 0.0) -> list[ForcedEvent]:
+    """The events of some types of a branch at the place of another family's event, the bracket of which has a width."""
+    near = [(event, *place_of(branch, event.point)) for event in branch.events if event.type in types]
+    slack = max(_SAME, width) * max(1.0, abs(place[0]))
+    return [event for event, value, flux in near if abs(value - place[0]) <= slack and math.isclose(flux, place[1], rel_tol=_FLUX)]
 
-    def add_events(self, branch: ForcedBranch, key: Key) -> None:
-        """Know a family at all its events at which others begin."""
-        for event in branch.events:
-            if event.type in SWITCHES:
-                self.add(branch.problem, event.values[branch.name], branch.fastest(event.point), key)
 
-    def family_at(self, kind: str, type: str, value: float, speed: float, fits: Callable[[Key], bool] = lambda key: True) -> Key | None:
-        """The family of some kind that begins at an event, at whose orbit the fastest impact has a speed; None if it is not known. Of parts
-        that do not interact, several families of one kind begin at one value, at orbits with other impacts."""
-        if type == "LB":  # with the other order of its impacts an orbit can have the same sequence, begun at another impact
-            return None
-        slack = _SAME * max(1.0, abs(value))
-        near = ((of, key) for at, of, key in self._rows.get(kind, ()) if abs(at - value) <= slack)
-        return next((key for of, key in near if abs(of - speed) <= _SPEED * max(of, speed) and fits(key)), None)
+def has_orbit(branch: ForcedBranch, problem: ForcedProblem, y: np.ndarray) -> bool:
+    """Whether a branch has an orbit, or an image of it: the nearest one of the branch, between two points, is that. Impacts are the same if
+    they are those of the mirror image."""
+    if kind_of(problem) != kind_of(branch.problem):
+        return False
+    curve = np.array([invariants(branch.problem, other) for other in branch.unknowns])
+    unit = np.maximum(np.ptp(curve, axis=0), _FLOOR * np.abs(curve).max(axis=0) + _FLOOR**2)
+    away, chords = (invariants(problem, y) - curve) / unit, np.diff(curve, axis=0) / unit
+    parts = np.clip(np.sum(away[:-1] * chords, axis=1) / np.maximum(np.sum(chords**2, axis=1), _FLOOR**2), 0.0, 1.0)
+    if not len(parts):
+        return False
+    i = int(np.argmin(np.linalg.norm(away[:-1] - parts[:, None] * chords, axis=1)))
+    family, tangent = parameter_family(branch.problem), np.append(branch.tangents[i], np.zeros(len(branch.tangents[i])))
+
+    def apart(distance: float) -> np.ndarray:
+        step = family.step(branch.unknowns[i], tangent, distance)
+        if not step.converged:
+            raise ValueError("no orbit")
+        left: np.ndarray = away[i] - (invariants(branch.problem, step.y) - curve[i]) / unit
+        return left
+
+    length = float(branch.arclength[i + 1] - branch.arclength[i])
+    try:
+        nearest = brentq(lambda distance: float(apart(distance) @ chords[i]), -_MARGIN * length, (1.0 + _MARGIN) * length)
+        return bool(np.linalg.norm(apart(nearest)) <= _ON)
+    except ValueError:
+        return False

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.forced.branch import ForcedBranch, ForcedEvent
-from branches.forced.known import KnownEvents
-from branches.forced.primitive import kind_of
+from branches.forced.known import has_orbit
 from branches.forced.tracing import SWITCHES, follow_response, go_on, switch_response
 from bvp.forced import ForcedProblem
 from continuation.problem import Step
@@ -115,10 +114,9 @@ def follow_onwards(
     assert set(through) <= set(SWITCHES)
     found = Onwards() if found is None else found
     waiting = deque(_Waiting(start, -1, None) for start in starts)
-    shared = KnownEvents[int]()
     while waiting and len(found.branches) < most:
         start, source, event = one = waiting.popleft()
-        known = _followed(found.branches, shared, one)
+        known = _followed(found.branches, one)
         if known is not None:
             if event is not None:
                 found.links.append((source, event.id, known))
@@ -136,13 +134,11 @@ def follow_onwards(
             continue
         if event is not None:
             found.links.append((source, event.id, number))
-            shared.add(start.problem, event.values[branch.name], found.branches[source].fastest(event.point), number)
-        shared.add_events(branch, number)
         for at in branch.events:
             # At an exchange of impacts the family goes on, from an end that is new.
             if at.type in through and (at.type != "LB" or at.point in ends):
                 waiting.extend(_Waiting(onward, number, at) for onward in _behind(found, number, at))
-    found.left = sum(_followed(found.branches, shared, one) is None for one in waiting)
+    found.left = sum(_followed(found.branches, one) is None for one in waiting)
     return found
 
 
@@ -157,12 +153,12 @@ def _behind(found: Onwards, number: int, event: ForcedEvent) -> list[ResponseSta
         return []
 
 
-def _followed(branches: Sequence[ForcedBranch], shared: KnownEvents[int], one: _Waiting) -> int | None:
+def _followed(branches: Sequence[ForcedBranch], one: _Waiting) -> int | None:
     """Number of the branch that is the family of a start; None if it was not followed yet."""
     if one.event is None:
         return next((number for number, branch in enumerate(branches) if one.start.known is None and _covers(branch, one.start)), None)
-    value, speed = one.event.values[one.start.problem.released[0]], branches[one.source].fastest(one.event.point)
-    return shared.family_at(kind_of(one.start.problem), one.event.type, value, speed)
+    y = one.start.orbit.y if isinstance(one.start.orbit, Step) else one.start.orbit
+    return next((number for number, branch in enumerate(branches) if has_orbit(branch, one.start.problem, y)), None)
 
 
 def _covers(branch: ForcedBranch, start: ResponseStart) -> bool:

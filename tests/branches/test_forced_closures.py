@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import mpmath as mp
 import numpy as np
 import pytest
 
+from branches.building.responses import ResponsePlan, build_responses, seed_of
+from branches.catalogue import Catalogue
+from branches.catalogue.rows import SceneRecord
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
 from branches.forced.onwards import ResponseStart, follow_onwards, trace_start
@@ -16,6 +20,7 @@ from branches.forced.primitive import half_of
 from branches.forced.resequencing import exchanged, later
 from branches.forced.switching import beside_grazing
 from branches.forced.tracing import follow_response, switch_response
+from branches.tables import plain
 from bvp.criticality import criticality
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
@@ -270,12 +275,20 @@ def test_each_choice_of_impacts_at_stops_that_are_touched_together_is_a_family(r
         assert places == pytest.approx([max(own), math.hypot(1.0 - 1.1**2, 0.11) if slow else 0.6], rel=1e-11)
 
 
-def test_families_of_the_same_impacts_at_one_grazing_are_all_followed():
-    """Oracle: one oscillator of each restitution: each alone has a family from its fold to all loads, so both together have one, which
-    begins with a fast impact of the first and a slow one of the second. Its sequence is that of the family in which both are slow."""
-    problem = ForcedProblem(alike(1.0, 1.0, restitutions=(0.8, 0.6)), (), ["F"], values={"F": 0.1})
+@pytest.mark.parametrize(("restitutions", "count"), [((0.8, 0.6), 5), ((0.8, 0.8), 6)])
+def test_families_of_the_same_impacts_at_one_grazing_are_all_followed(restitutions, count, tmp_path):
+    """Oracle: one oscillator of each restitution: each alone has a family from the grazing to its fold and on to all loads. From the later
+    fold both go on with fast impacts. Where they fold at once, all four choices of a fast and a slow impact meet there. A build has the
+    same families; ids do not depend on the start."""
+    problem = ForcedProblem(alike(1.0, 1.0, restitutions=restitutions), (), ["F"], values={"F": 0.1})
     start = ResponseStart(problem, problem.pack(np.zeros((1, 4)), np.zeros(1), [0.1]))
-    found = follow_onwards([start], lambda start: trace_start(start, (0.05, 2.0)), through=("GR",))
-    sequences = [(branch.sequence, float(branch.parameter.max())) for branch in found.branches]
-    assert [sequence for sequence, _ in sequences] == ["", "a+", "b+", "b+a+", "a+b+"]
-    assert sequences[-1][1] == pytest.approx(2.0, rel=1e-9) and max(top for _, top in sequences[:-1]) < 0.2371
+    found = follow_onwards([start], lambda start: trace_start(start, (0.05, 2.0)), through=("GR",)).branches
+    assert [len(branch.problem.sequence) for branch in found if branch.parameter.max() > 0.2371] == [2]
+    ids = {branch.id for branch in found}
+    assert len(ids) == len(found) == count
+    again = [follow_response(one.problem, one.unknowns[len(one) // 3], (0.0, one.parameter[len(one) // 3] + 1e-3)) for one in found]
+    assert {branch.id for branch in again} == ids
+    scene = SceneRecord(plain(problem.parametric.describe()), parameters={"names": ["F"], "keep": []})
+    with Catalogue(tmp_path / "a.sqlite", "a", scene=scene, provenance={}) as catalogue, ThreadPoolExecutor(1) as pool:
+        build_responses(catalogue, [seed_of(problem, start.orbit, (0.05, 2.0), 4)], ResponsePlan((0.05, 2.0), 4), pool)
+        assert {row.id for row in catalogue.all_families()} == ids
