@@ -84,28 +84,8 @@ def curve_start(
     angle: float | None = None,
     origin: str = "",
 ) -> CurveStart:
-    """The start of a curve at an event of a family.
-
-    Parameters
-    ----------
-    problem, y : ForcedProblem, (u,) float
-        The orbit at the event.
-    code : str
-        The event's type.
-    names, keep : sequence of str
-        See `branches.curves.plane.plane_of`.
-    angle : float, optional
-        Of the pair of multipliers (NS).
-    origin : str
-        Where the curve is started, in words.
-
-    Raises
-    ------
-    NoCurve
-        For an event that has no curve.
-    ValueError
-        For parameters that the problem cannot have.
-    """
+    """The start of a curve at an event of a family, with the orbit (u,) there, a type and, at NS, the angle of its pair of multipliers. The
+    rest, and the errors, are those of `curve_at`."""
     if code not in CURVES:
         raise NoCurve(f"{_REASONS.get(code, 'it is no bifurcation')}; expected one of {', '.join(CURVES)}")
     if isinstance(problem, ReleasedProblem):

@@ -152,25 +152,7 @@ def trace_named(
     on_start : callable, optional
         Called with a line about the orbit that was found.
     **options
-        As for `branches.tracing.follow_family`.
-
-    Returns
-    -------
-    Branch
-
-    Raises
-    ------
-    ValueError
-        For a name that does not parse, that no family has, or that several have; for options that cannot be.
-    RuntimeError
-        Where the family cannot be followed.
-
-    Examples
-    --------
-    >>> from bvp.system import vibro_impact_nes
-    >>> branch = trace_named("S11O00-", vibro_impact_nes(), energy=(0.05, 1.0))
-    >>> [(event.type, round(event.h, 10)) for event in branch.events if event.type == "SN"]
-    [('SN', 0.06911645)]
+        As for `branches.tracing.follow_family`. Errors are those of `saltus.trace`.
     """
     limits = search_bounds(bounds)
     energy = checked_energy_range(energy if energy is not None else limits.energy)

@@ -41,15 +41,7 @@ _SAME = 1e-6
 
 def switch_released(branch: ReleasedBranch, event: ForcedEvent) -> list[tuple[ReleasedProblem, Step]]:
     """Orbits near an event of the families in the parameter that begin or meet the branch there, each with its problem. A family goes on to
-    both sides of its orbit.
-
-    Raises
-    ------
-    ValueError
-        For an event where no other family begins.
-    RuntimeError
-        Where none was found.
-    """
+    both sides of its orbit. Errors are those of `branches.forced.tracing.switch_response`."""
     if event.type not in FREE_SWITCHES:
         raise ValueError(f"no other family begins at {event.id}; expected an event of type {', '.join(FREE_SWITCHES)}")
     found: list[tuple[ReleasedProblem, Step]] = []

@@ -67,18 +67,6 @@ def discover_orbits(
         Boxes around the orbits of known families at this energy (`branches.search.known`). The result leaves out the orbits that are
         recognised by them. They are not solved. If a search by meetings (`branches.search.meetings`) shows that there are no others, the
         complete scan is left out, and `counts` are of the search by meetings.
-
-    Raises
-    ------
-    ValueError
-        For a system or bounds that cannot be searched.
-
-    Examples
-    --------
-    >>> from bvp.system import vibro_impact_nes
-    >>> found = discover_orbits(vibro_impact_nes(), 0.3, quarter_period=3.0, impacts=2)
-    >>> found.complete, [orbit.label for orbit in found.orbits]
-    (True, ['S11O00-', 'U2111-', 'S13O00+'])
     """
     check(system, energy, quarter_period, impacts, ends)
     if ends is None:

@@ -128,13 +128,7 @@ def polish(system, ends, sequence, start, nodes, flights, energy):
     return Found(problem, solution, energy) if ok else None
 
 
-SCANS = (
-    (0.1, 0.1, 0.5, "origin"),
-    (0.1, 0.1, 0.5, "stop+"),
-    (1.3, 0.4, 2.0, "origin"),
-    (1.3, 0.4, 2.0, "rest"),
-    (1.9, 0.3, 0.4, "rest"),
-)
+SCANS = ((0.1, 0.1, 0.5, "origin"), (0.1, 0.1, 0.5, "stop+"), (1.3, 0.4, 2.0, "origin"), (1.3, 0.4, 2.0, "rest"), (1.9, 0.3, 0.4, "rest"))
 """(mu, sigma, h, start) of the orbits that the tests share; the last holds multipliers from 1 to 1e20."""
 
 

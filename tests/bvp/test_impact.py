@@ -29,21 +29,12 @@ def random_system(rng, n, damping, stiffness_shift=0.0):
     """Full matrices, a two-sided stop and a one-sided one."""
     half, root = rng.normal(size=(n, n)), rng.normal(size=(n, n))
     stiffness = root @ root.T - stiffness_shift * np.eye(n)
-    stops = (
-        Stop(tuple(rng.normal(size=n)), -1.0, rng.uniform(0.5, 2.0)),
-        Stop(tuple(rng.normal(size=n)), upper=rng.uniform(0.5, 2.0)),
-    )
+    stops = (Stop(tuple(rng.normal(size=n)), -1.0, rng.uniform(0.5, 2.0)), Stop(tuple(rng.normal(size=n)), upper=rng.uniform(0.5, 2.0)))
     return ImpactSystem(np.diag(rng.uniform(0.2, 2.0, n)), damping * half @ half.T, stiffness, stops)
 
 
 @settings(max_examples=30)
-@given(
-    st.integers(1, 4),
-    st.integers(0, 2**31),
-    st.sampled_from([0.0, 0.01, 0.3, 5.0]),
-    st.sampled_from([0.0, 0.5]),
-    st.floats(0.01, 5.0),
-)
+@given(st.integers(1, 4), st.integers(0, 2**31), st.sampled_from([0.0, 0.01, 0.3, 5.0]), st.sampled_from([0.0, 0.5]), st.floats(0.01, 5.0))
 def test_amplitudes_bound_what_dense_sampling_finds(n, seed, damping, shift, horizon):
     rng = np.random.default_rng(seed)
     modes = random_system(rng, n, damping, shift).modes
@@ -77,9 +68,7 @@ def test_restitution_against_the_plain_twin(n, seed, restitution):
     formula."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(n, n))
-    system = ImpactSystem(
-        root @ root.T + np.eye(n), np.zeros((n, n)), np.eye(n), (Stop(tuple(rng.normal(size=n)), 0.0, 1.0, restitution),)
-    )
+    system = ImpactSystem(root @ root.T + np.eye(n), np.zeros((n, n)), np.eye(n), (Stop(tuple(rng.normal(size=n)), 0.0, 1.0, restitution),))
     v = rng.normal(size=n)
     after = restitute(system, "+", v)
     np.testing.assert_allclose(after, twins.restitute(system, 0, v), atol=1e-12 * np.linalg.cond(system.mass))
@@ -88,9 +77,7 @@ def test_restitution_against_the_plain_twin(n, seed, restitution):
     reduced = 1.0 / (c @ np.linalg.solve(system.mass, c))
     loss = 0.5 * (1.0 - restitution**2) * reduced * (c @ v) ** 2
     rest = np.zeros(n)
-    assert system.energy(rest, v) - system.energy(rest, after) == pytest.approx(
-        loss, abs=1e-11 * system.energy(rest, v) + 1e-14
-    )
+    assert system.energy(rest, v) - system.energy(rest, after) == pytest.approx(loss, abs=1e-11 * system.energy(rest, v) + 1e-14)
 
 
 @pytest.mark.parametrize(("sign", "factor"), [(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
@@ -186,11 +173,7 @@ def test_grazing_of_random_systems(n, seed, case, damping, back):
     times = np.linspace(-back, 0.05, 400)
     move = expm(first_order(system) * (times[1] - times[0]))
     path = np.array([row @ state[:n] for state in accumulate(times[1:], lambda state, _: move @ state, initial=early)])
-    assume(
-        np.all(path[times < -0.02] < 1.0 - 1e-5)
-        and np.all(np.diff(path)[times[:-1] < -1e-3] > 0.0)
-        and np.abs(early).max() < 50.0
-    )
+    assume(np.all(path[times < -0.02] < 1.0 - 1e-5) and np.all(np.diff(path)[times[:-1] < -1e-3] > 0.0) and np.abs(early).max() < 50.0)
     found = next_impact(system, early[:n], early[n:], back + 0.04)
     # To the modes and back, where one map is the other's inverse to its own rounding.
     both = np.abs(system.modes.to_state) @ np.abs(system.modes.from_state)

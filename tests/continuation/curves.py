@@ -14,9 +14,7 @@ PARAMETER = 1  # y = (x, a) in the plane curves
 
 def plane_curve(function: Callable, derivative: Callable, **options) -> GenericProblem:
     """F(x, a) = 0 with the derivatives (F_x, F_a)."""
-    return GenericProblem(
-        lambda y: np.array([function(*y)]), lambda y: np.array([derivative(*y)]), parameter=PARAMETER, **options
-    )
+    return GenericProblem(lambda y: np.array([function(*y)]), lambda y: np.array([derivative(*y)]), parameter=PARAMETER, **options)
 
 
 def circle(**options) -> GenericProblem:
@@ -126,10 +124,7 @@ class Line:
         self.steps += 1
         end = float(y[0] + ds * tangent[0])
         sense = float(tangent[0])
-        values = [
-            function(end) * (sense if test.oriented else 1.0)
-            for test, function in zip(self.tests, self._functions, strict=True)
-        ]
+        values = [function(end) * (sense if test.oriented else 1.0) for test, function in zip(self.tests, self._functions, strict=True)]
         return Step(
             converged=not self._broken(end),
             y=np.array([end]),
@@ -183,10 +178,7 @@ class Ring(Line):
         turn = math.asin(ds)
         angle = math.atan2(y[1], y[0]) + sense * turn
         point = np.array([math.cos(angle), math.sin(angle)])
-        values = [
-            function(angle) * (sense if test.oriented else 1.0)
-            for test, function in zip(self.tests, self._functions, strict=True)
-        ]
+        values = [function(angle) * (sense if test.oriented else 1.0) for test, function in zip(self.tests, self._functions, strict=True)]
         new_tangent = sense * np.array([-point[1], point[0]])
         return Step(True, point, new_tangent, tuple(point), math.cos(turn), 0.0, 1, 0.0, angle, sense, values)
 

@@ -21,9 +21,7 @@ def test_pitchfork_from_the_trivial_branch_lands_on_the_side_branch():
     assert len(steps) == 2
     assert sorted(np.sign(step.y[0]) for step in steps) == [-1, 1]
     for step in steps:
-        assert abs(step.y[0]) == pytest.approx(math.sqrt(step.y[1]), abs=1e-14) and abs(step.y[0]) == pytest.approx(
-            0.02, rel=1e-3
-        )
+        assert abs(step.y[0]) == pytest.approx(math.sqrt(step.y[1]), abs=1e-14) and abs(step.y[0]) == pytest.approx(0.02, rel=1e-3)
         points, events, _ = parts(follow(problem, step, 0, Settings(maximum_points=30)))
         assert events == [] and all(abs(abs(p.step.y[0]) - math.sqrt(p.step.y[1])) < 1e-13 for p in points)
         assert points[-1].step.y[0] / step.y[0] > 1  # away from the branch point
@@ -76,9 +74,7 @@ def test_directions_of_any_crossing_in_space(angle, curvature, turn, exact_secon
     problem = crossing_in_space(first, second, curvature)
     if exact_second_derivative:
         step = 1e-3  # the Jacobian is linear in y: this difference is exact
-        problem.second_derivative = lambda y, a, b: (
-            (problem.jacobian(y + step * b) - problem.jacobian(y - step * b)) @ a / (2 * step)
-        )
+        problem.second_derivative = lambda y, a, b: (problem.jacobian(y + step * b) - problem.jacobian(y - step * b)) @ a / (2 * step)
     other, opposite, known, _ = branch_directions(problem, np.zeros(3), first)
     assert abs(other @ second) == pytest.approx(1, abs=1e-9) and abs(known @ first) == pytest.approx(1, abs=1e-9)
     np.testing.assert_array_equal(other, -opposite)
@@ -93,9 +89,7 @@ def test_second_derivative_of_the_problem_is_used():
         return np.array([a @ hessian @ b])
 
     problem = GenericProblem(
-        lambda y: np.array([y[0] * (y[1] - y[0] ** 2)]),
-        lambda y: np.array([[y[1] - 3 * y[0] ** 2, y[0]]]),
-        second_derivative=second,
+        lambda y: np.array([y[0] * (y[1] - y[0] ** 2)]), lambda y: np.array([[y[1] - 3 * y[0] ** 2, y[0]]]), second_derivative=second
     )
     other = branch_directions(problem, np.zeros(2), np.array([0.0, 1.0]))[0]
     assert calls and np.abs(other) == pytest.approx([1.0, 0.0], abs=1e-14)
@@ -103,9 +97,7 @@ def test_second_derivative_of_the_problem_is_used():
 
 def test_directions_are_of_unit_length_in_the_metric():
     weights = np.array([9.0, 0.5])
-    problem = GenericProblem(
-        lambda y: np.array([y[0] * (y[1] - y[0])]), lambda y: np.array([[y[1] - 2 * y[0], y[0]]]), weights=weights
-    )
+    problem = GenericProblem(lambda y: np.array([y[0] * (y[1] - y[0])]), lambda y: np.array([[y[1] - 2 * y[0], y[0]]]), weights=weights)
     for direction in branch_directions(problem, np.zeros(2), np.array([0.0, 1.0])):
         assert float(weights * direction @ direction) == pytest.approx(1)
     other = branch_directions(problem, np.zeros(2), np.array([0.0, 1.0]))[0]

@@ -92,12 +92,7 @@ def test_beside_the_resonance_of_a_mode_without_impact():
 
 
 @pytest.mark.parametrize("distance", [1e-6, 1e-10, 1e-14])
-@hard(
-    "two modes whose frequencies differ by 1e-6, 1e-10, 1e-14",
-    source=CLOSED_FORM,
-    limit=1e-12,
-    what=WHAT,
-)
+@hard("two modes whose frequencies differ by 1e-6, 1e-10, 1e-14", source=CLOSED_FORM, limit=1e-12, what=WHAT)
 def test_nearly_equal_modes(distance):
     """Turned by an angle, so that neither mode is a coordinate."""
     c, s = math.cos(0.7), math.sin(0.7)
@@ -108,12 +103,7 @@ def test_nearly_equal_modes(distance):
     return largest(*(orbit_error(system, alpha) for alpha in (0.3, 0.9, 1.4)))
 
 
-@hard(
-    "zero modes: an absorber that flies free, chains of 2 to 5 masses that nothing holds",
-    source=CLOSED_FORM,
-    limit=1e-12,
-    what=WHAT,
-)
+@hard("zero modes: an absorber that flies free, chains of 2 to 5 masses that nothing holds", source=CLOSED_FORM, limit=1e-12, what=WHAT)
 def test_zero_modes():
     from tests.bvp.orbits import chain
 
@@ -129,12 +119,7 @@ def test_zero_modes():
 
 
 @pytest.mark.parametrize("mu", [1e-8, 1e8])
-@hard(
-    "mass ratios 1e-8 and 1e8, couplings 0.1, 1e-12 and 0",
-    source=CLOSED_FORM,
-    limit=1e-11,
-    what=WHAT,
-)
+@hard("mass ratios 1e-8 and 1e8, couplings 0.1, 1e-12 and 0", source=CLOSED_FORM, limit=1e-11, what=WHAT)
 def test_extreme_mass_ratios(mu):
     """At quarter periods where the orbit is physical: with a light absorber on a spring below a quarter of its own short period."""
     worst, count = 0.0, 0
@@ -148,12 +133,7 @@ def test_extreme_mass_ratios(mu):
     return worst
 
 
-@hard(
-    "stiffness 1e-12: of the coupling, of the ground, and of both",
-    source=CLOSED_FORM,
-    limit=1e-12,
-    what=WHAT,
-)
+@hard("stiffness 1e-12: of the coupling, of the ground, and of both", source=CLOSED_FORM, limit=1e-12, what=WHAT)
 def test_tiny_stiffness():
     stop = (Stop((1.0, -1.0), -1.0, 1.0),)
     systems = [
