@@ -244,7 +244,8 @@ class EventFinder:
             if self._tests[index].touches:
                 touches = _touches(index, [at for at in resolution.sure(index) if at[0] <= limit], locator)
                 near = self._settings.coincidence_tolerance  # beside a crossing rounding can look like a touch
-                crossed += [(index, touch) for touch in touches if all(abs(touch.s - found.s) > near for found in apart)]
+                known = [found.s for i, found in crossed if i == index]
+                crossed += [(index, touch) for touch in touches if all(abs(touch.s - s) > near for s in known)]
         return crossed
 
     def _beside(self, index: int, zone: Zone, locator: Locator) -> Location | None:
