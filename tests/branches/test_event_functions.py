@@ -19,13 +19,11 @@ from bvp.kernels.multipoint import (
     HALF_C,
     HALF_D,
     ORIGIN,
-    PERIODIC,
     QUARTER_PERIOD,
     REST,
     RESULT,
     SPEEDS,
     STOP,
-    TRACE,
 )  # fmt: skip
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]
@@ -56,18 +54,6 @@ def test_traces_are_those_of_the_return_map(seed):
     np.testing.assert_allclose(quarter[14], np.trace(closed), rtol=1e-12)
     pairs = np.reshape(quarter[15:], (-1, 2))  # tau - level = (tau_half - l)(tau_half + l), where l^2 = level + 2
     np.testing.assert_allclose(pairs.prod(axis=1), np.trace(closed @ closed) - TARGETS, rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("tau", [-2.5, -2.0, -1.5, 2.0])
-def test_periodic_orbits_have_the_trace_itself(tau):
-    """Doubling at tau = -2, p:q resonance at tau = 2 cos(2 pi p/q)."""
-    result = np.zeros(len(RESULT))
-    result[TRACE] = tau
-    result[SPEEDS] = SPEED
-    out = np.zeros(12 + len(TARGETS))
-    two_dof_tests(result, (0, 1, 4, PERIODIC, PERIODIC, 0), TARGETS, out)
-    assert (out[11] > 0.0, out[11] == 0.0) == (tau > -2.0, tau == -2.0)
-    np.testing.assert_allclose(out[12:] / SPEED, [tau - 2.0 * math.cos(2.0 * math.pi * p / q) for p, q in RESONANCES], atol=1e-15)
 
 
 def test_bounds_are_left_where_they_are_passed():
