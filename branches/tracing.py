@@ -244,6 +244,8 @@ def cut_branch(branch: Branch, energy: tuple[float, float]) -> Branch | None:
         return None
     k = int(np.searchsorted(outside, branch.start))
     first, last = int(outside[k - 1]) + 1 if k else 0, int(outside[k]) - 1 if k < len(outside) else len(h) - 1
+    crossed = {event.point for event in branch.events if event.type == "BP"}  # no tangent is known there: the next point begins
+    first, last = first + (first in crossed and 0 < first < branch.start), last - (last in crossed and branch.start < last < len(h) - 1)
     if branch.is_closed and (first == 0 or last == len(h) - 1):
         return None
     before = _to_bound(branch, first, -1, energy) if first > 0 else None

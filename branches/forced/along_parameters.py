@@ -90,7 +90,7 @@ def unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
             return False
         mass, first = (problem.parametric.system(values).mass for values in (problem.parameters(point.step.y), None))
         lightest = float(np.abs(np.linalg.eigvals(np.linalg.solve(first, mass))).min())
-        return lightest < _LIGHT and "a mass goes to 0, and the velocities grow without bound"
+        return lightest < _LIGHT and "a mass is below 1/1000 of the scene's, and the velocities grow without bound"
 
     if isinstance(problem, ReleasedProblem):
         return vanishes

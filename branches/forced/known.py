@@ -40,7 +40,7 @@ def place_of(branch: ForcedBranch, point: int) -> tuple[float, float]:
 def events_at(branch: ForcedBranch, types: Sequence[str], place: tuple[float, float], width: float = 0.0) -> list[ForcedEvent]:
     """The events of some types of a branch at the place of another family's event, the bracket of which has a width."""
     near = [(event, *place_of(branch, event.point)) for event in branch.events if event.type in types]
-    slack = max(_SAME, width) * max(1.0, abs(place[0]))
+    slack = max(_SAME, width) * float(np.abs(branch.parameter).max())
     return [event for event, value, flux in near if abs(value - place[0]) <= slack and math.isclose(flux, place[1], rel_tol=_FLUX)]
 
 

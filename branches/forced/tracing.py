@@ -287,7 +287,8 @@ def _put_on_bounds(problem: ForcedProblem, run: Run, interval: tuple[float, floa
     """Solve the first and the last orbit of a run at the bound of the parameter at which they were located: 0, not 1e-15. Where
     Newton's method finds no orbit, as where perturbations grow too much, it stays as it is."""
     place = 2 * problem.degrees_of_freedom + 1
-    for point in (run.points[0], run.points[-1]):
+    located = {event.index for event in run.events if event.code != "EP"}  # beside a bound there can be another event
+    for point in (run.points[index] for index in {0, len(run.points) - 1} - located):
         for bound in parameter_bounds(problem, interval)[0]:
             moved = point.step.y.copy()
             if abs(moved[place] - bound) <= _LOCATED * max(abs(moved[place]), abs(problem.values[problem.released[0]]) or 1.0):
