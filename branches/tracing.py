@@ -229,24 +229,21 @@ def report(
     return branch
 
 
-def cut_branch(branch: Branch, energy: tuple[float, float]) -> Branch | None:
-    """The piece of a branch around its start that lies in a range of energies, without following the family again.
-
-    Returns
-    -------
-    Branch or None
-        The points and events inside, and the ends at the bounds. None where the start is outside, and where a closed family is inside
-        the range at the point where it begins.
-    """
+def cut_branch(branch: Branch, energy: tuple[float, float], *, outermost: bool = False) -> Branch | None:
+    """The piece of a branch around its start that lies in a range of energies, without following the family again: the points and events
+    inside, and the ends at the bounds. outermost: all from the first point inside to the last one. None where the start is outside, and
+    where a closed family is inside the range at the point where it begins."""
     h = branch.points["h"]
     outside = np.flatnonzero((h < energy[0]) | (h > energy[1]))
     if branch.start in outside:
         return None
     k = int(np.searchsorted(outside, branch.start))
     first, last = int(outside[k - 1]) + 1 if k else 0, int(outside[k]) - 1 if k < len(outside) else len(h) - 1
+    if outermost:
+        first, last = np.setdiff1d(np.arange(len(h)), outside)[[0, -1]].tolist()
     crossed = {event.point for event in branch.events if event.type == "BP"}  # no tangent is known there: the next point begins
     first, last = first + (first in crossed and 0 < first < branch.start), last - (last in crossed and branch.start < last < len(h) - 1)
-    if branch.is_closed and (first == 0 or last == len(h) - 1):
+    if branch.is_closed and (outermost or first == 0 or last == len(h) - 1):
         return None
     before = _to_bound(branch, first, -1, energy) if first > 0 else None
     after = _to_bound(branch, last, 1, energy) if last < len(h) - 1 else None

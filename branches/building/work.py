@@ -33,7 +33,7 @@ from branches.search.known import Boxes
 from branches.search.orbit_search import WITHOUT_ORIGIN
 from branches.sequences import PERIODIC, impacts_per_period, parse_sequence
 from branches.switching import TYPES, emanating_families
-from branches.tracing import SETTINGS, follow_family
+from branches.tracing import SETTINGS, cut_branch, follow_family
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem
@@ -232,6 +232,7 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
         wider = branch.full_family.reach(bounds.energy, bounds.quarter_period)
         if wider is not None:
             branch = _followed(problem, y, *wider)
+            branch = cut_branch(branch, bounds.energy, outermost=True) or branch
     except (RuntimeError, NotConverged) as error:
         return Answer((), failed=(f"{'-'.join(orbit.ends)}:{orbit.sequence}: {error}",))
     seeds: list[Seed] = []
