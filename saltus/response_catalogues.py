@@ -97,7 +97,7 @@ def save_followed(place: Path, record: SceneRecord, found: Onwards, starts: Sequ
     from branches.catalogue import Catalogue
     from branches.catalogue.responses import kept_branch, orbit_of
     from branches.catalogue.widening import CannotWiden
-    from branches.forced.known import place_of
+    from branches.forced.known import meeting_place
     from bvp.contact_sequence import joined_sequence
 
     lines, code = [], DONE
@@ -120,7 +120,7 @@ def save_followed(place: Path, record: SceneRecord, found: Onwards, starts: Sequ
         for source, event, number in _beginnings(found, starts):
             if number not in ids:
                 continue
-            where = event_in(source, event.type, place_of(source, event.point))
+            where = event_in(source, event.type, meeting_place(source, event.point))
             if where is None:
                 lines.append(f"note   {place} has no family with {event.id}, where {ids[number]} begins: expected it saved, too")
                 continue

@@ -18,7 +18,7 @@ from branches.first_orbits import is_denied
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests, narrow_forced_bracket
 from branches.forced.primitive import SAME, apart_from_image, full_period, half_later, image_sign, later_sign, twice
-from branches.forced.resequencing import no_order
+from branches.forced.resequencing import is_unordered
 from branches.forced.resonance import RESONANCE, resonances_around
 from branches.kernels.blocks import WatchedTests
 from branches.kernels.functions import is_orbit
@@ -173,7 +173,7 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         if stops[0].name == stops[1].name:
             return EventDetails("GR", True, data)
         names = f"stops {stops[0].name} and {stops[1].name}"
-        if no_order(problem, flight):
+        if is_unordered(problem, flight):
             speeds = problem.impact_speeds(solution.y)[[flight, flight - problem.inner]]
             if np.abs(speeds).max() <= SAME * problem.segment.scale[problem.degrees_of_freedom]:  # both vanish, and meet there
                 return EventDetails("GR", True, data | describe_grazing(problem, solution, "vanishes"))

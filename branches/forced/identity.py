@@ -107,8 +107,7 @@ def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
 
 def _weights(problem: ForcedProblem) -> np.ndarray:
     """A weight of the stop of each impact: orbits of alike parts that do not interact can differ by which part moves in what way."""
-    weights: np.ndarray = np.sqrt(1.0 + problem.modes.contact_stop[np.roll(problem.contacts[:-1], 1)])
-    return weights
+    return np.asarray(np.sqrt(1.0 + problem.modes.contact_stop[np.roll(problem.contacts[:-1], 1)]))
 
 
 def impact_flux(problem: ForcedProblem, y: np.ndarray) -> float:

@@ -11,8 +11,8 @@ from bvp.kernels.sticking import INTERACTION_LEVEL
 from bvp.multipoint import Solution
 
 __all__ = [
-    "GRAZES", "at_rest", "exchanged", "in_order", "later", "no_order", "resequenced", "with_first_bounce", "with_sticking", "with_touch",
-    "without_flight", "without_impact", "without_node",
+    "GRAZES", "at_rest", "exchanged", "in_order", "is_unordered", "later", "resequenced", "with_first_bounce", "with_sticking",
+    "with_touch", "without_flight", "without_impact", "without_node",
 ]  # fmt: skip
 
 _INSTANT, _ROUNDS = 1e-7, 12
@@ -113,7 +113,7 @@ def later(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndar
     return resequenced(problem, [*problem.sequence[count:], *last], nodes[:, :size], nodes[:, size], times, y)
 
 
-def no_order(problem: ForcedProblem, flight: int) -> bool:
+def is_unordered(problem: ForcedProblem, flight: int) -> bool:
     """Whether a flight lies between impacts at two stops that do not act on each other."""
     segment, before = problem.segment, (flight - 1) % (problem.inner + 1)
     acting = segment.gap_rate[flight] * segment.push[before]
@@ -129,7 +129,7 @@ def in_order(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.n
     for _ in range(count * (count + 1)):
         times, last = problem.flight_times(y), problem.inner
         place = np.maximum(problem.contacts, np.asarray(problem.modes.contact_opposite)[problem.contacts])  # a mirror image has the same
-        short = (k for k in range(last + 1) if times[k] <= instant and no_order(problem, k))
+        short = (k for k in range(last + 1) if times[k] <= instant and is_unordered(problem, k))
         flight = next((k for k in short if k == last or times[k] < -instant or place[k - 1] > place[k]), None)
         if flight is None:
             break

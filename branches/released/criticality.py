@@ -353,8 +353,7 @@ def _differences(function: Callable[[np.ndarray], np.ndarray], u: np.ndarray) ->
     """The derivatives of a function, (n, n), from differences with two steps."""
     steps = _STEP * (float(np.max(np.abs(u))) or 1.0) * np.array([1.0, 0.5])
     first, second = (np.array([function(u + way) - function(u - way) for way in step * np.eye(len(u))]) / (2.0 * step) for step in steps)
-    found: np.ndarray = (4.0 * second - first) / 3.0
-    return found
+    return np.asarray((4.0 * second - first) / 3.0)
 
 
 def _breaking(matrix: CriticalEquations) -> Reduced | None:
