@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from bvp.closures import Cycle, deflated_motions
-from bvp.kernels.flight import flow_matrix
 from bvp.multipliers import scaled_nodes, sort_multipliers
 from bvp.system import ImpactSystem
+from tests.lab.flights import LinearFlight
 
 __all__ = ["monodromy", "reduced_monodromy", "saltation", "saltation_matrix", "saltation_multipliers"]
 
@@ -68,14 +68,12 @@ def monodromy(cycle: Cycle) -> np.ndarray:
     ValueError
         For an impact at zero speed.
     """
-    modes = cycle.system.modes
+    flight = LinearFlight(cycle.system)
     nodes, size = cycle.after.shape
     product = np.eye(size)
-    flow = np.empty((size, size))
     for i in range(nodes):
         j = (i + 1) % nodes
-        flow_matrix(modes.flight, float(cycle.duration[i]), flow)
-        product = flow @ product
+        product = flight.map(cycle.duration[i]) @ product
         if cycle.contact[j] >= 0:
             product = saltation_matrix(cycle.system, int(cycle.contact[j]), cycle.before[j]) @ product
     return product

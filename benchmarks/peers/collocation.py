@@ -14,8 +14,8 @@ from scipy.integrate import solve_bvp
 
 from benchmarks.speed_error.methods import Answer, Method, Task, Work
 from benchmarks.speed_error.tasks import OrbitTask
-from bvp.kernels.flight import flow_state
 from bvp.multipoint import MultipointProblem
+from tests.lab.flights import LinearFlight
 
 __all__ = ["Collocation", "CollocationError", "CollocationOrbit", "solve_collocation"]
 
@@ -180,10 +180,10 @@ def solve_collocation(
 def _states(problem: MultipointProblem, y: np.ndarray, mesh: np.ndarray) -> np.ndarray:
     """Modal states of all flights of a guess at the nodes of a mesh, (4 (k + 1), m)."""
     begins = np.vstack([problem.start(y)[None], problem.nodes(y)])
-    out = np.empty((len(begins), len(mesh), problem.size))
+    out, flight = np.empty((len(begins), len(mesh), problem.size)), LinearFlight(problem.system)
     for i, (begin, time) in enumerate(zip(begins, problem.flight_times(y), strict=True)):
         for j, x in enumerate(mesh):
-            flow_state(problem.modes.flight, begin, float(time * x), out[i, j])
+            out[i, j] = flight.end(begin, time * x)
     return out.transpose(0, 2, 1).reshape(-1, len(mesh))
 
 

@@ -21,8 +21,8 @@ import numpy as np
 from benchmarks.speed_error.methods import Answer, Method, OrbitAnswer, Task, Work
 from benchmarks.speed_error.tasks import OrbitTask
 from bvp.checks import checked_number
-from bvp.kernels.contact_mode import restitute_state
 from bvp.simulate import checked_state
+from tests.lab.paths import restitute
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -274,9 +274,7 @@ def _shoot(system: ImpactSystem, alpha: float, slope: np.ndarray, integrator: st
             raise NotMatched(f"the integrator missed a flight at tau = {at:.6g} in one step: expected a smaller tolerance")
         tau, state = at, found.y_events[contact][0]
         impacts.append(TauImpact(tau, modes.contact_letters[contact], float(rows[contact] @ state[n:]) / alpha))
-        z = modes.from_state[:, n:] @ state[n:]
-        restitute_state(modes.contacts, contact, z, z)
-        state = np.concatenate([state[:n], modes.to_state[n:] @ z])
+        state = np.concatenate([state[:n], restitute(system, modes.contact_letters[contact], state[n:])])
     raise NotMatched(f"more than {_FLIGHTS} impacts in half a period")
 
 

@@ -13,8 +13,7 @@ from branches.forced.branch import wrapped
 from branches.forced.closing import with_exact_ends
 from branches.forced.family import ForcedFamily
 from bvp.forced import ForcedProblem
-from bvp.kernels.multipoint import RESULT
-from bvp.multipoint import Solution
+from bvp.multipoint import RESULT_INDEX, Solution
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways
 from saltus import load_scene, trace_response
@@ -262,7 +261,7 @@ def test_a_touch_at_an_impact_is_its_vanishing_speed(one_impact):
     for time in (7.3e-17, float(problem.flight_times(solution.y)[0]) - 1e-15):
         touched = Solution(solution.y, solution.tangent, solution.position, solution.ends, solution.result.copy())
         for name, value in {"flight": 0.0, "time": time, "stop": 0.0, "side": 1.0}.items():
-            touched.result[RESULT.index(f"clearance_{name}")] = value
+            touched.result[RESULT_INDEX[f"clearance_{name}"]] = value
         assert describe_grazing(problem, touched, "touches")["note"].endswith("(stop +) vanishes: its speed reaches zero")
 
 
@@ -272,7 +271,7 @@ def test_an_impact_keeps_its_speed_where_its_rebound_vanishes(unit):
     problem, y = settled(oscillator(A=unit), ["s"], values={"s": -0.2 * unit}, start=([-unit], [0.0]))
     solution = problem.solve(y)
     for name, value in {"flight": 0.0, "time": 0.0, "stop": 0.0, "side": 1.0}.items():
-        solution.result[RESULT.index(f"clearance_{name}")] = value
+        solution.result[RESULT_INDEX[f"clearance_{name}"]] = value
     assert describe_grazing(problem, solution, "touches")["note"] == "the rebound at stop + vanishes: its restitution reaches zero"
 
 
@@ -281,11 +280,11 @@ def test_impacts_of_a_closed_orbit_are_numbered_from_its_start():
     problem, y = settled(oscillator(0.1, A=1.2, w=0.35, r=0.5, s=1.0), ["r"])
     solution, times = problem.solve(y), problem.flight_times(y)
     assert len(times) == 2
-    solution.result[RESULT.index("speed")] = 0.0
+    solution.result[RESULT_INDEX["speed"]] = 0.0
     for flight, time, number in ((0, 0.0, 1), (0, times[0], 2), (1, 0.0, 2), (1, times[1], 1)):
         for name, value in {"flight": flight, "time": time, "stop": 0.0, "side": 1.0}.items():
-            solution.result[RESULT.index(f"clearance_{name}")] = value
+            solution.result[RESULT_INDEX[f"clearance_{name}"]] = value
         assert describe_grazing(problem, solution, "touches")["note"].startswith(f"the impact {number} of 2 (stop +) vanishes")
     for flight, names in ((0, "impact 1 of 2 and impact 2 of 2"), (1, "impact 2 of 2 and impact 1 of 2")):
-        solution.result[RESULT.index("flight_index")] = flight
+        solution.result[RESULT_INDEX["flight_index"]] = flight
         assert describe_grazing(problem, solution, "merge")["note"].startswith(f"{names} merge")

@@ -10,9 +10,9 @@ import pytest
 from branches.curves.monitor import pair_product
 from branches.forced.family import parameter_family
 from branches.forced.primitive import full_period
-from bvp.kernels.stroboscopic import bounded_product
 from continuation.location import Location
 from tests.branches.forced_systems import absorber_families
+from tests.lab.matrices import bounded_product
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def test_the_signs_of_test_functions_do_not_depend_on_the_size_of_multipliers(un
 @pytest.mark.parametrize("factors", [[3.0, -1e-9, 5.0], [1e200, 1e-12, -1e150], [2 + 1j, 2 - 1j, 1e-7], [1e300, 1e300j, -1e300j, -1e-3]])
 def test_a_bounded_product_is_small_beside_one_small_factor(factors):
     """Oracle: the sums of products in forty digits."""
-    found = bounded_product(np.array(factors, dtype=complex), np.empty(5, dtype=complex))
+    found = bounded_product(factors)
     with mp.workdps(40):
         sums = [mp.mpf(0)] * 5
         for j in range(min(len(factors), 4) + 1):

@@ -14,12 +14,11 @@ from bvp.closures import EndsError
 from bvp.contact_sequence import joined_sequence, parse_contact_sequence
 from bvp.forced import ForcedProblem
 from bvp.forcing import Harmonic
-from bvp.kernels.forced import fly_loaded, set_parameters
-from bvp.kernels.summed_chatter import sum_chatter
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop
 from tests.branches.forced_systems import oscillator
+from tests.lab.problems import chatter_end, fly
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
 from transitions.sweep.settle import settle
@@ -304,15 +303,12 @@ def test_a_chatter_under_a_constant_force_has_a_closed_form(restitution):
         }
     )  # fmt: skip
     problem = ForcedProblem(table, ("+=",), ("r",))
-    before, after = np.array([0.5, speed, 0.3, restitution]), np.empty(4)
-    set_parameters(problem.segment, before)
-    sum_chatter(problem.segment, 1, before, after)
-    chatter = problem.segment.sticking.chatter
+    end = chatter_end(problem, 1, np.array([0.5, speed, 0.3, restitution]))
     lasts = 2.0 * speed * restitution / (g * (1.0 - restitution))
-    assert after == pytest.approx([0.5, 0.0, 0.3 + lasts * w / TURN, restitution], abs=1e-14)
+    assert end.node == pytest.approx([0.5, 0.0, 0.3 + lasts * w / TURN, restitution], abs=1e-14)
     by_speed, by_restitution = lasts / speed * w / TURN, lasts / (restitution * (1.0 - restitution)) * w / TURN
-    assert chatter.slope[1, 2] == pytest.approx([0.0, by_speed, 1.0, by_restitution], abs=1e-12)
-    assert np.abs(chatter.slope[1, 0] - [1.0, 0.0, 0.0, 0.0]).max() < 1e-13 and chatter.error[1] < 1e-14
+    assert end.derivatives[2] == pytest.approx([0.0, by_speed, 1.0, by_restitution], abs=1e-12)
+    assert np.abs(end.derivatives[0] - [1.0, 0.0, 0.0, 0.0]).max() < 1e-13 and end.error < 1e-14
 
 
 @pytest.mark.parametrize(("n", "name"), [(1, "r"), (2, "w"), (2, "d")])
@@ -347,8 +343,7 @@ def split_first_bounce(problem, y, other):
     after = before.copy()
     row = problem.segment.gap_rate[i]
     after -= problem.segment.jump[i] * problem.segment.push[i] * (row @ before)
-    rate = np.empty(len(after))
-    fly_loaded(problem.segment.flight, after, 0.0, np.empty(len(after)), np.empty((len(after), len(after))), rate)
+    _, _, rate = fly(problem, after, 0.0)
     guess = -2.0 * (row @ after) / (row @ rate)
     states, fractions = np.insert(nodes[:, :size], i + 1, after[:size], axis=0), np.insert(nodes[:, size], i + 1, after[size])
     packed = other.pack(states, fractions, y[size + 1 : problem.size], np.insert(times, i + 1, guess))

@@ -16,7 +16,6 @@ import pytest
 
 from benchmarks.saltation import saltation_multipliers
 from branches.family import RESONANCES, SETTINGS, Family, multiplication
-from branches.kernels.functions import COMMON
 from branches.linear_modes import beginnings, linear_modes
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
@@ -26,6 +25,7 @@ from bvp.stability import half_map_of, stability
 from bvp.system import ImpactSystem, Stop
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
 from tests.hard.digits import Closed
+from tests.lab.limits import COMMON
 
 
 def expected_tests(problem, solution, targets):

@@ -12,11 +12,8 @@ from branches.search.meetings import met_segments, nothing_new
 from branches.search.orbit_search import CLASSES, WITHOUT_ORIGIN, OrbitSearch
 from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
-from bvp.kernels import arcs as at
-from bvp.kernels.arc_pairs import are_apart, boxes_apart, hull, model, turn_between
-from bvp.kernels.meetings import follow_arc
-from bvp.kernels.shooting import DURATION, TIME
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.lab.starts import Arc, are_apart, boxes_apart, hull, turn_between
 
 SYSTEM = vibro_impact_nes()
 ONE_SIDED = ImpactSystem([[1.0, 0.0], [0.0, 0.6]], [[0.0, 0.0], [0.0, 0.0]], [[1.5, -0.4], [-0.4, 0.9]], [Stop((1.0, -1.0), upper=0.7)])
@@ -114,38 +111,23 @@ def test_arcs_stay_within_their_bounds(scanned):
     rng = np.random.default_rng(3)
     total, beyond, largest = 0, 0, 0.0
     for search, arcs in scanned:
-        for arc in arcs[rng.choice(len(arcs), 150)]:
-            if search.gone[int(arc[at.CURVE])]:
+        for arc in map(Arc, arcs[rng.choice(len(arcs), 150)]):
+            if arc.impacts_of_image(search):
                 continue
             for u in rng.uniform(-1.0, 1.0, 3).tolist():
-                out = np.zeros(at.ARC)
-                arrives, _, _ = follow_arc(search, arc, u, search.records[0], out, 0)
-                model(arc, u, out, 1)
-                assert arrives
-                if arc[at.IMPACTS] > 0:
-                    last = search.records[0][int(arc[at.IMPACTS]) - 1]
-                    assert arc[at.LEFT] <= last[TIME] <= arc[at.LEFT + 1]
-                    assert arc[at.ARRIVED] <= last[TIME] + last[DURATION] <= arc[at.ARRIVED + 1]
+                point, model = arc.follow(search, u), arc.model(u)
+                assert point.is_inside
+                if point.last is not None:
+                    assert arc.left[0] <= point.last.time <= arc.left[1]
+                    assert arc.arrived[0] <= point.last.time + point.last.duration <= arc.arrived[1]
                 for c in range(3):
-                    a, m, b = arc[at.RATE + 3 * c : at.RATE + 3 * c + 3]
+                    a, m, b = arc.rates[c]
                     parabola = m + 0.5 * u * (b - a) + u * u * (0.5 * (a + b) - m)
-                    assert abs(out[at.VALUE + 3 * c] - out[at.VALUE + 3 * c + 1]) <= arc[at.MISS + c]
-                    assert arc[at.BOX + 2 * c] <= out[at.VALUE + 3 * c] <= arc[at.BOX + 2 * c + 1]
-                    part = abs(out[at.RATE + 3 * c] - parabola) / (arc[at.ERROR + c] + 1e-12)
+                    assert abs(point.values[c] - model.values[c]) <= arc.miss[c]
+                    assert arc.box[c, 0] <= point.values[c] <= arc.box[c, 1]
+                    part = abs(point.rates[c] - parabola) / (arc.error[c] + 1e-12)
                     total, beyond, largest = total + 1, beyond + (part > 1.0), max(largest, part)
     assert total > 3000 and beyond < 1e-3 * total and largest < 3.0
-
-
-def arc_of(polynomials):
-    """An arc whose coordinates are cubics of u: (3, 4) coefficients."""
-    arc = np.zeros(at.ARC)
-    u = np.array([-1.0, 0.0, 1.0])
-    for c, p in enumerate(polynomials):
-        arc[at.VALUE + 3 * c : at.VALUE + 3 * c + 3] = np.polyval(p, u)
-        arc[at.RATE + 3 * c : at.RATE + 3 * c + 3] = np.polyval(np.polyder(p), u)
-    arc[[at.BEFORE, at.AFTER]] = at.NEAREST
-    at.bound_arc(arc)
-    return arc
 
 
 def crossings_of(one, other):
@@ -173,13 +155,10 @@ def require_arcs_that_are_apart_do_not_cross_and_those_that_turn_apart_cross_onc
     for _ in range(500):
         size = 10.0 ** rng.uniform(-1.5, 0.3)
         polynomials = rng.normal(size=(2, 3, 4)) * np.array([0.3 * size**2, 0.5 * size, 1.0, 0.8]) * size
-        a, b = (arc_of(p) for p in polynomials)
+        a, b = (Arc.of_cubics(p) for p in polynomials)
         one, other = (np.stack([np.polyval(p[c], u) for c in chart], axis=1) for p in polynomials)
         count = crossings_of(one, other * mirror[list(chart)])
-        hulls = np.zeros((2, 4, 2))
-        hull(a, chart, False, hulls[0])
-        hull(b, chart, True, hulls[1])
-        apart, turned = are_apart(a, b, chart), turn_between(hulls[0], hulls[1])
+        apart, turned = are_apart(a, b, chart), turn_between(hull(a, chart, False), hull(b, chart, True))
         space = [np.stack([np.polyval(p[c], u) for c in range(3)]) for p in polynomials]
         if boxes_apart(a, b):
             ends = [(points.min(axis=1), points.max(axis=1)) for points in (space[0], mirror[:, None] * space[1])]

@@ -13,8 +13,7 @@ from benchmarks.backbone import Backbone
 from branches.admissible import describe_grazing
 from branches.forced.tracing import follow_response
 from branches.tracing import follow_family
-from bvp.kernels.multipoint import RESULT
-from bvp.multipoint import MultipointProblem
+from bvp.multipoint import RESULT_INDEX, MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from bvp.system import vibro_impact_nes
@@ -289,6 +288,6 @@ def test_a_grazing_of_free_orbits_in_parameters_names_the_end_at_which_it_is():
     problem, y, h = in_phase(["mu"], ["energy = {h!r}"])
     plain, at = problem.orbit_problem(y)
     for solved, solution in ((problem, problem.solve(y)), (plain, plain.solve(at, energy=h))):
-        solution.result[RESULT.index("speed_node")], solution.result[RESULT.index("flight_index")] = 0.0, 0.0
+        solution.result[RESULT_INDEX["speed_node"]], solution.result[RESULT_INDEX["flight_index"]] = 0.0, 0.0
         assert describe_grazing(solved, solution, "vanishes")["note"].startswith("the impact at the far end (stop +) vanishes")
         assert describe_grazing(solved, solution, "merge")["note"].startswith("the start and the far end merge")

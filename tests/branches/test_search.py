@@ -23,11 +23,11 @@ from branches.search.intervals import EndCrossing, first_crossings, follow_start
 from branches.search.orbit_search import CLASSES, Found, OrbitSearch, _strayed, in_order, judged
 from branches.search.starts import ScannedSegment, curves
 from branches.sequences import impacts_per_period
-from bvp.kernels.verdict import GRAZED
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop
 from tests.branches.scans import sampled
 from tests.bvp import orbits as orbits_by_numpy
+from tests.lab.limits import GRAZED
 
 SYSTEM = saltus.vibro_impact_nes()
 ALL = tuple(CLASSES)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -18,12 +17,11 @@ from branches.naming.at_modes import orbit_at_mode
 from branches.naming.families import trace_named
 from branches.naming.matching import NameNotFound
 from branches.tracing import follow_family
-from bvp import smooth_flights
-from bvp.kernels.taylor import make_smooth_flight
 from bvp.multipoint import MultipointProblem
 from bvp.springs import Spring
 from bvp.system import ImpactSystem
 from saltus.scene import load_scene
+from tests.lab.flights import limit_steps
 
 STEPS = 8
 """Taylor steps that the flights of S11- take between its two folds, and a little above."""
@@ -186,7 +184,7 @@ def test_a_family_that_leaves_what_can_be_flown_is_followed_once(monkeypatch):
         runs.append(follow(*arguments))
         return runs[-1]
 
-    monkeypatch.setattr(smooth_flights, "make_smooth_flight", partial(make_smooth_flight, steps=STEPS))
+    limit_steps(monkeypatch, STEPS)
     monkeypatch.setattr(full_family, "follow_both_ways", counted)
     found = full_family.full_family(replace(branch, problem=MultipointProblem(branch.system, branch.ends, ())))
     assert found.ids == branch.full_family.ids and abs(found.marks[0].h / expected[0].h - 1.0) < 1e-12

@@ -8,7 +8,6 @@ import mpmath
 import numpy as np
 
 from bvp.closures import cycle_of
-from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.multipliers import sort_multipliers
 
 DIGITS = 60
@@ -135,25 +134,26 @@ class Exact:
 
     def half_map(self):
         """phi, (2 (n-1), 2 (n-1)) mpf entries, for two degrees of freedom."""
-        kinds, inner = self.problem.kinds, self.problem.inner
+        ends, inner = self.problem.ends, self.problem.inner
+        at_stop = [end.startswith("stop") for end in ends]
         start = self.start()
-        final = self.run(start, kinds[1] == STOP)
+        final = self.run(start, at_stop[1])
 
-        def across(kind, node, z):
-            x = z[2:] if kind == ORIGIN else self.squares * z[:2] if kind == REST else exact(self.segment.gap[node, :2])
+        def across(end, node, z):
+            x = z[2:] if end == "origin" else self.squares * z[:2] if end == "rest" else exact(self.segment.gap[node, :2])
             return np.array([-x[1], x[0]]) / mpmath.sqrt(x @ x)
 
-        first, last = across(kinds[0], inner + 1, start), across(kinds[1], inner, final)
+        first, last = across(ends[0], inner + 1, start), across(ends[1], inner, final)
         zero = exact(np.zeros(2))
         kept, turned = np.concatenate([first, zero]), np.concatenate([zero, first])
-        if kinds[0] == ORIGIN:
+        if ends[0] == "origin":
             kept, turned = turned, -kept
-        if kinds[0] == STOP:
+        if at_stop[0]:
             gap = exact(self.segment.gap[inner + 1, :2])
             kept[2:] = -((self.squares * start[:2]) @ first) / (gap @ start[2:]) * gap
         phi = []
         for column in (kept, turned):
-            after, before = (self.run(start + sign * STEP * column, kinds[1] == STOP) for sign in (1, -1))
+            after, before = (self.run(start + sign * STEP * column, at_stop[1]) for sign in (1, -1))
             q, p = np.split((after - before) / (2 * STEP), 2)
-            phi.append((last @ p, -(last @ q)) if kinds[1] == ORIGIN else (last @ q, last @ p))
+            phi.append((last @ p, -(last @ q)) if ends[1] == "origin" else (last @ q, last @ p))
         return np.array(phi).T

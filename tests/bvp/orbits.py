@@ -7,11 +7,11 @@ import numpy as np
 
 from benchmarks import backbone
 from bvp.closures import Cycle
-from bvp.kernels.flight import flow_state
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import Stop, vibro_impact_nes
 from tests.bvp import twins
 from tests.bvp.flow_twin import Twin
+from tests.lab.flights import LinearFlight
 
 
 @dataclass
@@ -194,11 +194,11 @@ def cut(cycle, pieces):
     count, size = cycle.after.shape
     before, after = np.empty((count * pieces, size)), np.empty((count * pieces, size))
     duration = np.repeat(cycle.duration / pieces, pieces)
-    contact = np.full(count * pieces, -1, dtype=np.int64)
+    contact, flight = np.full(count * pieces, -1, dtype=np.int64), LinearFlight(cycle.system)
     for i in range(count):
         at = i * pieces
         contact[at], before[at], after[at] = cycle.contact[i], cycle.before[i], cycle.after[i]
         for j in range(1, pieces):
-            flow_state(cycle.system.modes.flight, cycle.after[i], float(j * duration[at]), after[at + j])
+            after[at + j] = flight.end(cycle.after[i], j * duration[at])
             before[at + j] = after[at + j]
     return Cycle(cycle.system, before, after, duration, contact, cycle.lead)

@@ -14,11 +14,11 @@ from branches.orbit import Orbit
 from branches.record import orbit_to_json
 from branches.tracing import follow_family
 from bvp.called_forces import FailedForce, formula_of
-from bvp.kernels.taylor import fly_smooth
 from bvp.multipoint import MultipointProblem
-from bvp.smooth_flights import modal_energies, smooth_flight, why_not_flown
+from bvp.smooth_flights import modal_energies
 from bvp.springs import Damper, Spring
 from bvp.system import ImpactSystem, Stop
+from tests.lab.flights import SmoothFlight
 
 
 def cube(w):
@@ -42,25 +42,24 @@ def sink(force, **known) -> ImpactSystem:
 @pytest.mark.parametrize("part", [1.0, -2.7])
 def test_duffing_is_elliptic(amplitude, part):
     """Oracle: x = A cn(W t | m), W^2 = 1 + A^2, m = A^2/(2 W^2). The error allowed is rounding, of stages and of the oracle."""
-    flight = smooth_flight(oscillator(cube), 1)
     squared = 1.0 + amplitude**2
     m = amplitude**2 / (2.0 * squared)
     frequency, time = math.sqrt(squared), part * ellipk(m) / math.sqrt(squared)
-    assert fly_smooth(flight, 0, np.array([amplitude, 0.0]), time, True)
+    end = SmoothFlight.of(oscillator(cube)).end([amplitude, 0.0], time)
     sn, cn, dn, _ = ellipj(frequency * time, m)
     exact = np.array([amplitude * cn, -amplitude * frequency * sn * dn])
-    assert np.abs((flight.paths.ends[0] - exact) / [amplitude, amplitude * frequency]).max() < 2e-14
-    assert abs(np.linalg.det(flight.paths.maps[0]) - 1.0) < 1e-14 * np.linalg.norm(flight.paths.maps[0])
+    assert np.abs((end.state - exact) / [amplitude, amplitude * frequency]).max() < 2e-14
+    assert abs(np.linalg.det(end.derivatives) - 1.0) < 1e-14 * np.linalg.norm(end.derivatives)
 
 
 def test_energy_changes_by_a_rounding_of_each_step():
     """Oracle: the energy, over sixty periods."""
     system = oscillator(cube)
-    flight, z, steps = smooth_flight(system, 1), np.array([1.0, 0.5]), 0
+    flight, z, steps = SmoothFlight.of(system), np.array([1.0, 0.5]), 0
     begin = modal_energies(system, z)
     for _ in range(10):
-        assert fly_smooth(flight, 0, z, 40.0, False)
-        z, steps = flight.paths.ends[0].copy(), steps + int(flight.paths.steps[0, 0])
+        end = flight.end(z, 40.0, derivatives=False)
+        z, steps = end.state, steps + end.steps
         assert abs(modal_energies(system, z) / begin - 1.0) < 2.2e-16 * steps
 
 
@@ -68,19 +67,16 @@ def test_energy_changes_by_a_rounding_of_each_step():
 def test_steps_by_collocation_and_taylor_series_agree(time):
     """Oracle: the Taylor series of the formula: ends, derivatives, and the path between."""
     z = np.array([0.3, -0.2, 0.1, 0.5])
-    called, series = smooth_flight(sink(cube), 1), smooth_flight(sink(lambda w: w**3), 1)
-    assert called.stages.address and not series.stages.address
-    for flight in (called, series):
-        assert fly_smooth(flight, 0, z, time, True)
-    growth = np.abs(series.paths.maps[0]).max()
-    assert np.abs(called.paths.ends[0] - series.paths.ends[0]).max() < 2e-15 * growth
-    assert np.abs(called.paths.maps[0] - series.paths.maps[0]).max() < 1e-13 * growth
+    flights = SmoothFlight.of(sink(cube)), SmoothFlight.of(sink(lambda w: w**3))
+    assert [flight.is_collocated for flight in flights] == [True, False]
+    called, series = (flight.end(z, time) for flight in flights)
+    growth = np.abs(series.derivatives).max()
+    assert np.abs(called.state - series.state).max() < 2e-15 * growth
+    assert np.abs(called.derivatives - series.derivatives).max() < 1e-13 * growth
     states = []
-    for flight in (called, series):
-        count = flight.paths.steps[0, 0]
-        begins, rows = flight.paths.times[0, : count + 1], flight.paths.coefficients[0]
-        places = [(max(0, np.searchsorted(begins, t, "right") - 1), t) for t in np.linspace(0.0, 0.999 * time, 60)]
-        states.append([np.polynomial.polynomial.polyval(t - begins[k], rows[k]) for k, t in places])
+    for end in (called, series):
+        places = [(max(0, np.searchsorted(end.times, t, "right") - 1), t) for t in np.linspace(0.0, 0.999 * time, 60)]
+        states.append([np.polynomial.polynomial.polyval(t - end.times[k], end.coefficients[k]) for k, t in places])
     assert np.abs(np.subtract(*states)).max() < 1e-14 * growth
 
 
@@ -121,17 +117,18 @@ def test_a_table_with_kinks_in_its_second_derivative_is_flown():
     table = CubicSpline(x, x**3 + 0.2 * np.sin(x))
     slope = table.derivative()
     system = sink(table, slope=slope, energy=table.antiderivative())
-    flight, z = smooth_flight(system, 1), np.array([0.2, -0.1, 0.1, 0.3])
-    assert fly_smooth(flight, 0, z, 1.0, False), why_not_flown(flight)
+    flight, z = SmoothFlight.of(system), np.array([0.2, -0.1, 0.1, 0.3])
+    end = flight.end(z, 1.0, derivatives=False)
+    assert end is not None, flight.why_not
 
     def rate(_, z):
         w = flight.rows @ z
         return flight.matrix @ z + np.concatenate([[0.0, 0.0], flight.push @ (table(w) - slope(0.0) * w)])
 
     second = solve_ivp(rate, (0.0, 1.0), z, method="DOP853", rtol=1e-13, atol=1e-15, max_step=4e-3)
-    assert np.abs(flight.paths.ends[0] - second.y[:, -1]).max() < 1e-13
-    assert abs(modal_energies(system, flight.paths.ends[0]) - modal_energies(system, z)) < 1e-15
-    assert np.ptp(np.log10(np.diff(flight.paths.times[0, : flight.paths.steps[0, 0] + 1]))) > 0.5
+    assert np.abs(end.state - second.y[:, -1]).max() < 1e-13
+    assert abs(modal_energies(system, end.state) - modal_energies(system, z)) < 1e-15
+    assert np.ptp(np.log10(np.diff(end.times))) > 0.5
 
 
 def test_the_energy_is_the_integral_of_the_force():

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.kernels.newton import apply_reflectors, eliminate, forward
+from tests.lab.matrices import Elimination
 
 EPS = np.finfo(float).eps
 
@@ -51,46 +51,8 @@ def random_problem(rng, flights, half, periodic, growth=None):
 
 
 def eliminated(flights, periodic, rows, start, window, closing):
-    """Factor the arrays in place and return (diagonal, factor, reflections)."""
-    count = closing.shape[1] - 1
-    diagonal, factor = np.zeros(count), np.zeros(count)
-    first = 0 if periodic else max(0, flights - 1)
-    reflections = eliminate(flights, rows, start, first, window, closing, diagonal, factor)
-    return diagonal, factor, reflections
-
-
-def dense_q(flights, rows, start, window, closing, factor):
-    """Q, column by column."""
-    unknowns = closing.shape[1]
-    q = np.eye(unknowns)
-    for j in range(unknowns):
-        column = q[:, j].copy()
-        apply_reflectors(flights, rows, start, window, closing, factor, column)
-        q[:, j] = column
-    return q
-
-
-def dense_r(flights, rows, window, closing, diagonal):
-    """R, (u, u - 1): what stands above the pivots in the factored arrays, and the diagonal."""
-    unknowns = closing.shape[1]
-    r = np.zeros((unknowns, unknowns - 1))
-    for j in range(unknowns - 1):
-        if j < flights * rows:
-            base = max(0, (j // rows - 1) * rows)
-            r[base:j, j] = window[j, : j - base]
-        else:
-            r[:j, j] = closing[j - flights * rows, :j]
-        r[j, j] = diagonal[j]
-    return r
-
-
-def least_norm(jacobian, right, flights, rows, start, window, closing, diagonal, factor):
-    """The least-norm solution from the factored arrays."""
-    solution = np.zeros(jacobian.shape[1])
-    solution[:-1] = right
-    forward(flights, rows, window, closing, diagonal, solution[:-1])
-    apply_reflectors(flights, rows, start, window, closing, factor, solution)
-    return solution
+    """The factored Jacobian."""
+    return Elimination(flights, rows, start, window, closing, 0 if periodic else max(0, flights - 1))
 
 
 @settings(max_examples=25)
@@ -98,20 +60,19 @@ def least_norm(jacobian, right, flights, rows, start, window, closing, diagonal,
 def test_factors_and_solutions_of_random_patterns(flights, half, periodic, seed):
     rng = np.random.default_rng(seed)
     rows, start, window, closing, jacobian = random_problem(rng, flights, half, periodic)
-    diagonal, factor, reflections = eliminated(flights, periodic, rows, start, window, closing)
+    factors = eliminated(flights, periodic, rows, start, window, closing)
     unknowns = closing.shape[1]
     size = np.linalg.norm(jacobian)
-    q = dense_q(flights, rows, start, window, closing, factor)
-    r = dense_r(flights, rows, window, closing, diagonal)
+    q, r = factors.q, factors.r
     assert np.max(np.abs(q.T @ q - np.eye(unknowns))) < 50 * unknowns * EPS
     assert np.max(np.abs(q @ r - jacobian.T)) < 50 * unknowns * EPS * size
     null = q[:, -1]
     assert np.max(np.abs(jacobian @ null)) < 50 * unknowns * EPS * size
     sign, _ = np.linalg.slogdet(np.vstack([jacobian, null]))
-    assert sign == (-1.0) ** reflections * np.prod(np.sign(diagonal))
+    assert sign == (-1.0) ** factors.reflections * np.prod(np.sign(factors.diagonal))
     right = rng.normal(size=unknowns - 1)
     expected = np.linalg.lstsq(jacobian, right, rcond=None)[0]
-    solution = least_norm(jacobian, right, flights, rows, start, window, closing, diagonal, factor)
+    solution = factors.least_norm(right)
     assert np.linalg.norm(solution - expected) < 100 * unknowns * EPS * np.linalg.cond(jacobian) * np.linalg.norm(expected)
 
 
@@ -122,12 +83,11 @@ def test_two_hundred_flights(periodic, growth):
     rng = np.random.default_rng(5)
     rows, start, window, closing, jacobian = random_problem(rng, 200, 2, periodic, growth)
     assert np.linalg.cond(jacobian) < 1e6
-    diagonal, factor, _ = eliminated(200, periodic, rows, start, window, closing)
+    factors = eliminated(200, periodic, rows, start, window, closing)
     right = rng.normal(size=jacobian.shape[0])
-    solution = least_norm(jacobian, right, 200, rows, start, window, closing, diagonal, factor)
+    solution = factors.least_norm(right)
     assert np.max(np.abs(jacobian @ solution - right)) < 1e-13 * np.max(np.abs(jacobian) @ np.abs(solution) + np.abs(right))
-    null = np.eye(1, len(solution), len(solution) - 1)[0]
-    apply_reflectors(200, rows, start, window, closing, factor, null)
+    null = factors.times_q(np.eye(1, len(solution), len(solution) - 1)[0])
     assert abs(np.linalg.norm(null) - 1.0) < 1e-13
     assert np.max(np.abs(jacobian @ null)) < 1e-13 * np.linalg.norm(jacobian, np.inf)
 
@@ -136,5 +96,5 @@ def test_a_rank_deficient_jacobian_shows_on_the_diagonal():
     rng = np.random.default_rng(3)
     rows, start, window, closing, jacobian = random_problem(rng, 2, 2, False)
     window[7] = window[6]
-    diagonal, _, _ = eliminated(2, False, rows, start, window, closing)
-    assert np.min(np.abs(diagonal)) < 1e-14 * np.linalg.norm(jacobian)
+    factors = eliminated(2, False, rows, start, window, closing)
+    assert np.min(np.abs(factors.diagonal)) < 1e-14 * np.linalg.norm(jacobian)

@@ -10,19 +10,10 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from bvp.kernels.extrema import clearance, sign_changes, tie_of
-from bvp.multipoint import observed_of
 from bvp.system import ImpactSystem, Stop
+from tests.lab.paths import clearance, sign_changes
 
 SAMPLES = 20001
-
-
-def arrays(system, row):
-    """Flight arrays, and the functional with its first two derivatives, of w = row . (u, v)."""
-    modes = system.modes
-    value = np.ascontiguousarray(modes.to_state.T @ row)
-    rate = np.ascontiguousarray(value @ modes.matrix)
-    return modes, value, rate, np.ascontiguousarray(rate @ modes.matrix)
 
 
 def random_system(rng, n, damped):
@@ -74,12 +65,12 @@ def test_sign_changes_against_dense_samples(n, damped, velocity, duration, seed)
     system = random_system(rng, n, damped)
     row = np.zeros(2 * n)
     row[n if velocity else 0] = 1.0
-    modes, value, rate, second = arrays(system, row)
+    modes = system.modes
     z = modes.from_state @ rng.normal(size=2 * n)
-    _, values = dense(modes, value, z, duration)
+    _, values = dense(modes, modes.to_state.T @ row, z, duration)
     assume(resolved(values))
     expected = int(np.sum(values[:-1] * values[1:] < 0.0))
-    found, sign = sign_changes(modes.flight, value, rate, second, z, duration, 0, False, False, np.empty(2 * n))
+    found, sign = sign_changes(system, row, z, duration)
     assert found == expected
     assert sign == np.sign(values[-1])
 
@@ -92,15 +83,15 @@ def test_clearance_against_dense_samples(n, damped, duration, seed):
     rng = np.random.default_rng(seed)
     system = random_system(rng, n, damped)
     modes = system.modes
-    observed = observed_of(system)
+    gap = modes.to_state.T @ np.concatenate([system.stops[0].gap, np.zeros(n)])
     z = modes.from_state @ (0.5 * rng.normal(size=2 * n))
-    _, rates = dense(modes, observed.rows[0, 1], z, duration)
+    _, rates = dense(modes, gap @ modes.matrix, z, duration)
     assume(resolved(rates))
-    times, gaps = dense(modes, observed.rows[0, 0], z, duration)
+    times, gaps = dense(modes, gap, z, duration)
     up = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] < 0.0))
     down = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] > 0.0))
     expected = min([1.0 - max(gaps[i], gaps[i + 1]) for i in up] + [min(gaps[i], gaps[i + 1]) + 1.0 for i in down], default=np.inf)
-    distance, side, time = clearance(modes.flight, observed, 0, z, duration, 0.0, np.inf, np.empty((2, 2 * n)))
+    distance, side, time = clearance(system, z, duration)
     if np.isinf(expected):
         assert np.isinf(distance)
         return
@@ -115,23 +106,21 @@ def test_clearance_against_dense_samples(n, damped, duration, seed):
 def test_polynomial_flight_has_its_exact_turning_points():
     """Two free bodies and no spring: w = t - 0.3 never turns and changes its sign once; a constant has no sign change."""
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), (Stop((1.0, -1.0), -1.0, 1.0),))
-    modes, value, rate, second = arrays(system, np.array([1.0, -1.0, 0.0, 0.0]))
-    z = modes.from_state @ np.array([-0.3, 0.0, 1.0, 0.0])
-    work = np.empty(4)
-    assert sign_changes(modes.flight, value, rate, second, z, 0.9, 0, False, False, work) == (1, 1)
-    assert sign_changes(modes.flight, value, rate, second, z, 0.29, 0, False, False, work) == (0, -1)
-    assert sign_changes(modes.flight, value, rate, second, z, 0.29, 1, False, False, work) == (1, -1)
-    distance, _, _ = clearance(modes.flight, observed_of(system), 0, z, 0.9, 0.0, np.inf, np.empty((2, 4)))
+    row = np.array([1.0, -1.0, 0.0, 0.0])
+    z = system.modes.from_state @ np.array([-0.3, 0.0, 1.0, 0.0])
+    assert sign_changes(system, row, z, 0.9) == (1, 1)
+    assert sign_changes(system, row, z, 0.29) == (0, -1)
+    assert sign_changes(system, row, z, 0.29, 1) == (1, -1)
+    distance, _, _ = clearance(system, z, 0.9)
     assert np.isinf(distance)
 
 
 def test_nearly_double_roots_are_separate():
     """w = cos(2t) + level: two sign changes inside a dip of depth 1e-9, none when it stays above by 1e-9 (closed form)."""
     system = ImpactSystem(np.diag([1.0, 1.0]), np.zeros((2, 2)), np.diag([4.0, 0.0]), (Stop((1.0, 1.0), -3.0, 3.0),))
-    modes, value, rate, second = arrays(system, np.array([1.0, 1.0, 0.0, 0.0]))
     for excess, changes in ((-1e-9, 2), (1e-9, 0)):
-        z = modes.from_state @ np.array([1.0, 1.0 + excess, 0.0, 0.0])
-        assert sign_changes(modes.flight, value, rate, second, z, 3.0, 0, False, False, np.empty(4))[0] == changes
+        z = system.modes.from_state @ np.array([1.0, 1.0 + excess, 0.0, 0.0])
+        assert sign_changes(system, np.array([1.0, 1.0, 0.0, 0.0]), z, 3.0)[0] == changes
 
 
 def test_clearance_of_a_grazing_flight_to_rounding():
@@ -140,19 +129,18 @@ def test_clearance_of_a_grazing_flight_to_rounding():
     modes = system.modes
     for gap in (1e-3, 1e-9, 1e-14, -1e-9):
         z = modes.from_state @ np.array([0.0, 1.0 - gap])
-        distance, side, time = clearance(modes.flight, observed_of(system), 0, z, 3.0, 0.0, np.inf, np.empty((2, 2)))
+        distance, side, time = clearance(system, z, 3.0)
         assert abs(distance - gap) < 4e-16 and side == 1.0 and abs(time - np.pi / 2) < 1e-7
-        distance, side, time = clearance(modes.flight, observed_of(system), 0, z, 6.0, 0.0, np.inf, np.empty((2, 2)))
+        distance, side, time = clearance(system, z, 6.0)
         assert abs(distance - gap) < 4e-16
 
 
 def test_of_equal_turning_points_the_first_counts():
     """Oracle: w = A cos(t - a) turns at t = a, a + pi, ...: at 0.9, on either side. Rounding makes one of them the nearest."""
     system = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), -1.0, 1.0),))
-    modes, observed = system.modes, observed_of(system)
+    modes = system.modes
     for angle in np.linspace(0.05, 3.1, 40):
         z = modes.from_state @ np.array([0.9 * np.cos(angle), 0.9 * np.sin(angle)])
         for side in (1.0, -1.0):
-            tie = tie_of(*observed.rows[0, :2], z, z, 40.0)
-            distance, found, time = clearance(modes.flight, observed, 0, side * z, 40.0, tie, np.inf, np.empty((2, 2)))
+            distance, found, time = clearance(system, side * z, 40.0, first_of_equal=True)
             assert distance == pytest.approx(0.1, abs=1e-14) and found == side and abs(time - angle) < 1e-7

@@ -7,20 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.kernels.flight import Flight, block_product, circular, flow_matrix, flow_state
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_modes import exceptional_point, nearly_equal
 from tests.bvp.twins import chain, exact_flow_matrix, first_order, flow
+from tests.lab.flights import LinearFlight, circular
 
 EPSILON = np.finfo(float).eps
 
 
 def physical_flow(system, t):
-    """exp(A t) of (u, v) through the kernels."""
-    modes = system.modes
-    out = np.empty_like(modes.matrix)
-    flow_matrix(modes.flight, t, out)
-    return modes.to_state @ out @ modes.from_state
+    """exp(A t) of (u, v) through the modes."""
+    return system.modes.to_state @ LinearFlight(system).map(t) @ system.modes.from_state
 
 
 def flow_error(system, t):
@@ -100,15 +97,12 @@ def test_free_free_chains(n, seed, t):
 def test_the_larger_block_alone_against_fifty_digits():
     """A nilpotent block has a polynomial for exponential; a random one mpmath's."""
     nilpotent = np.diag([1.0, 1.0], 1)
-    flow = np.empty((3, 3))
-    flow_matrix(Flight(np.array([[0, -3]]), np.zeros(1), np.zeros(1), nilpotent), 2.0, flow)
+    flow = LinearFlight.of_blocks(nilpotent, [(0, 3)]).map(2.0)
     np.testing.assert_allclose(flow, [[1, 2, 2], [0, 1, 2], [0, 0, 1]], rtol=0, atol=4 * EPSILON)
     a = np.random.default_rng(5).normal(size=(5, 5))
-    mean = np.trace(a[1:5, 1:5]) / 4
     with mpmath.workdps(50):
         exact = np.array(mpmath.expm(mpmath.matrix(a[1:5, 1:5].tolist()) * 3).tolist(), dtype=float)
-    flow = np.empty((5, 5))
-    flow_matrix(Flight(np.array([[0, -1], [1, -4]]), np.array([a[0, 0], mean]), np.zeros(2), a), 3.0, flow)
+    flow = LinearFlight.of_blocks(a, [(0, 1), (1, 4)]).map(3.0)
     np.testing.assert_allclose(flow[1:, 1:], exact, rtol=0, atol=1e-13 * np.abs(exact).max())
 
 
@@ -142,9 +136,7 @@ def test_an_undamped_flight_keeps_its_energy(n, seed, t):
     system = chain(rng.uniform(0.2, 2.0, n), rng.uniform(0.2, 2.0, n - 1), rng.choice([0.0, 1.0]))
     modes = system.modes
     u, v = rng.normal(size=n), rng.normal(size=n)
-    out = np.empty(2 * n)
-    flow_state(modes.flight, modes.from_state @ np.concatenate([u, v]), t, out)
-    after = modes.to_state @ out
+    after = modes.to_state @ LinearFlight(system).end(modes.from_state @ np.concatenate([u, v]), t)
     # the rigid-body displacement carries no energy but rounds with its size
     travelled = np.abs(after[:n]).max() ** 2 * np.abs(system.stiffness).max()
     assert abs(system.energy(after[:n], after[n:]) - system.energy(u, v)) <= 64 * EPSILON * (system.energy(u, v) + travelled)
@@ -153,15 +145,13 @@ def test_an_undamped_flight_keeps_its_energy(n, seed, t):
 @settings(max_examples=15)
 @given(st.integers(0, 2**31), st.floats(0.0, 10.0), st.floats(-3, 1))
 def test_states_and_rates_agree_with_the_plain_twins(seed, t, size):
-    """flow_state against scipy's expm, rate against the first-order matrix."""
+    """The end against scipy's expm, the rate against the first-order matrix."""
     rng = np.random.default_rng(seed)
     half = rng.normal(size=(3, 3))
     plain = chain(rng.uniform(0.2, 2.0, 3), rng.uniform(0.2, 2.0, 2), 1.0)
     system = ImpactSystem(plain.mass, 10.0**size * half @ half.T, plain.stiffness, plain.stops)
     modes = system.modes
     u, v = rng.normal(size=3), rng.normal(size=3)
-    z, out = modes.from_state @ np.concatenate([u, v]), np.empty(6)
-    flow_state(modes.flight, z, t, out)
-    np.testing.assert_allclose(modes.to_state @ out, flow(system, u, v, t), rtol=0, atol=1e-10)
-    block_product(modes.pairs, modes.matrix, z, out)
-    np.testing.assert_allclose(modes.to_state @ out, first_order(system) @ np.concatenate([u, v]), rtol=0, atol=1e-10)
+    z, flight = modes.from_state @ np.concatenate([u, v]), LinearFlight(system)
+    np.testing.assert_allclose(modes.to_state @ flight.end(z, t), flow(system, u, v, t), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(modes.to_state @ flight.rate(z), first_order(system) @ np.concatenate([u, v]), rtol=0, atol=1e-10)

@@ -1,16 +1,13 @@
 """One start followed with its derivative. Oracles: the event-driven run; central differences; dense samples of the flight."""
 
-import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 import saltus
 from branches.search.starts import curves
-from bvp.kernels import shooting as column
-from bvp.kernels.intervals import StartMap, place, unplace
-from bvp.kernels.shooting import amplitude, find_clearance, follow_impacts
-from bvp.kernels.verdict import positive_between
+from tests.lab.starts import AHEAD, Places, StartFlight, amplitude, follow, positive_between
 
 LONGEST = 9.0 / 1.05
 """Turning points are looked for in 1.05 times as long."""
@@ -18,27 +15,32 @@ LONGEST = 9.0 / 1.05
 SYSTEMS = [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81), saltus.vibro_impact_nes(1.0, 0.0)]
 
 
-def record_of(curve, parameter, longest=9.0, most=6):
-    record = np.full((most + 2, column.COLUMNS), np.nan)
-    rows = follow_impacts(curve.flow, parameter, longest, math.inf, most, record, np.zeros((16, 16)))
-    return record, rows
+def flights_of(curve, parameter, longest=9.0, most=6):
+    return follow(curve, parameter, longest, most)
 
 
 def test_a_flight_that_begins_too_late_is_not_followed():
     """Oracle: the same start followed through all its flights. The slack is a twentieth of the longest time."""
     (curve,) = curves(SYSTEMS[0], "stop", 5.0)
-    full, rows = record_of(curve, 0.4)
-    assert rows > 4 and full[3, column.TIME] > 0.5
+    full = flights_of(curve, 0.4)
+    assert len(full) > 4 and full[3].time > 0.5
     for before, is_followed in ((0.44, True), (0.46, False)):
-        record = np.full_like(full, np.nan)
-        latest = float(full[3, column.TIME]) - before
-        assert (follow_impacts(curve.flow, 0.4, 9.0, latest, 3, record, np.zeros((16, 16)))) == 4
-        assert np.array_equal(record[:3], full[:3], equal_nan=True) and np.array_equal(record[3, :10], full[3, :10])
-        assert record[3, column.CONTACT] == (full[3, column.CONTACT] if is_followed else column.AHEAD)
+        flights = follow(curve, 0.4, 9.0, 3, latest=full[3].time - before)
+        assert len(flights) == 4
+        assert all(np.array_equal(one.row, other.row, equal_nan=True) for one, other in zip(flights[:3], full[:3], strict=True))
+        last, expected = flights[3], full[3]
+        for name in ("state", "state_rate", "time", "time_rate"):
+            assert np.array_equal(getattr(last, name), getattr(expected, name))
+        assert last.contact == (expected.contact if is_followed else AHEAD)
+
+
+def numbers_of(flights, names):
+    """A row of numbers for each flight."""
+    return np.array([np.hstack([getattr(flight, name) for name in names]) for flight in flights])
 
 
 def start_of(curve, parameter):
-    return record_of(curve, parameter, most=0)[0][0, :4]
+    return flights_of(curve, parameter, most=0)[0].state
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -49,16 +51,16 @@ def test_impacts_are_those_of_the_run(system, end):
     modes = system.modes
     total = 0
     for part in (0.17, 0.52, 0.83):
-        record, rows = record_of(curve, curve.low + part * (curve.high - curve.low))
-        state = modes.to_state @ record[0, :4]
+        flights = flights_of(curve, curve.low + part * (curve.high - curve.low))
+        state = modes.to_state @ flights[0].state
         leaving = "+" if end == "stop" else None
         met = saltus.simulate(system, state[:2], state[2:], 9.0, leaving=leaving).stop_events
-        hits = [k for k in range(rows) if record[k, column.CONTACT] >= 0 and record[k, column.TIME] + record[k, column.DURATION] < 9.0]
+        hits = [flight for flight in flights if flight.has_impact and flight.time + flight.duration < 9.0]
         assert len(hits) == min(len(met.times), 7)
         total += len(hits)
-        assert np.allclose([record[k, column.TIME] + record[k, column.DURATION] for k in hits], met.times[: len(hits)], rtol=1e-12)
-        assert np.allclose([record[k, column.SPEED] for k in hits], met.speeds[: len(hits)], rtol=1e-9)
-        assert tuple(modes.contact_letters[int(record[k, column.CONTACT])] for k in hits) == met.contacts[: len(hits)]
+        assert np.allclose([flight.time + flight.duration for flight in hits], met.times[: len(hits)], rtol=1e-12)
+        assert np.allclose([flight.speed for flight in hits], met.speeds[: len(hits)], rtol=1e-9)
+        assert tuple(modes.contact_letters[int(flight.contact)] for flight in hits) == met.contacts[: len(hits)]
     assert total > 3
 
 
@@ -89,17 +91,16 @@ def test_energy_of_the_starts(system, end):
 def test_derivatives(system, end):
     """Oracle: central differences; their error falls fourfold when the step is halved."""
     (curve,) = curves(system, end, 6.0)
-    columns = [*range(4), column.TIME, column.DURATION, column.SPEED, column.RESIDUAL]
-    rates = [*range(column.DERIVATIVE, column.DERIVATIVE + 4), column.TIME + 1, column.DURATION + 1, column.SPEED + 1, column.RESIDUAL + 1]
+    names = ("state", "time", "duration", "speed", "residual")
     parameter = curve.low + 0.37 * (curve.high - curve.low)
-    middle, rows = record_of(curve, parameter)
-    flights = rows - 1 if middle[rows - 1, column.CONTACT] < 0 else rows
+    middle = flights_of(curve, parameter)
+    flights = len(middle) if middle[-1].has_impact else len(middle) - 1
     errors = []
     for step in (2e-5, 1e-5):
-        above, below = (record_of(curve, parameter + sign * step)[0] for sign in (1.0, -1.0))
-        assert np.array_equal(above[:flights, column.CONTACT], middle[:flights, column.CONTACT])
-        difference = (above[:flights, columns] - below[:flights, columns]) / (2.0 * step)
-        exact = middle[:flights, rates]
+        above, below = (flights_of(curve, parameter + sign * step) for sign in (1.0, -1.0))
+        assert [flight.contact for flight in above[:flights]] == [flight.contact for flight in middle[:flights]]
+        difference = (numbers_of(above[:flights], names) - numbers_of(below[:flights], names)) / (2.0 * step)
+        exact = numbers_of(middle[:flights], [f"{name}_rate" for name in names])
         errors.append(np.max(np.abs(difference - exact) / (1.0 + np.abs(exact))))
     assert flights >= 2 and errors[1] < 1e-3
     assert errors[1] < 0.3 * errors[0] or errors[1] < 1e-8
@@ -111,23 +112,21 @@ def test_turning_points():
     (curve,) = curves(system, "origin", 0.4)
     modes = system.modes
     for part in np.linspace(0.02, 0.98, 17):
-        record, rows = record_of(curve, curve.low + part * np.pi)
-        for k in range(rows):
-            row = record[k]
-            duration = min(row[column.DURATION], 9.0 - row[column.TIME])
+        for begun in flights_of(curve, curve.low + part * np.pi):
+            duration = min(begun.duration, 9.0 - begun.time)
             if duration < 1e-3:
                 continue
-            find_clearance(curve.flow, row, LONGEST, np.zeros((16, 16)))
+            flight = begun.with_clearance(curve, LONGEST)
             times = np.linspace(0.0, duration, 20001)
             w = np.zeros_like(times)
             for j in range(2):
                 o = modes.frequencies[j]
-                w += modes.contacts.gap[0, j] * (row[j] * np.cos(o * times) + row[2 + j] * np.sin(o * times) / o)
+                w += modes.contacts.gap[0, j] * (flight.state[j] * np.cos(o * times) + flight.state[2 + j] * np.sin(o * times) / o)
             turns = np.flatnonzero((w[1:-1] - w[:-2]) * (w[2:] - w[1:-1]) < 0.0) + 1
             distances = sorted(1.0 - w[i] if w[i] > w[i - 1] else 1.0 + w[i] for i in turns)
-            assert row[column.TURNING_POINTS] == len(turns)
+            assert flight.turning_points == len(turns)
             expected = [*distances, np.inf, np.inf][:2]
-            assert np.allclose([row[column.CLEARANCE], row[column.SECOND]], expected, rtol=0.0, atol=1e-6)
+            assert np.allclose([flight.clearance, flight.second], expected, rtol=0.0, atol=1e-6)
 
 
 def test_clearance_changes_as_its_derivative_says():
@@ -137,18 +136,11 @@ def test_clearance_changes_as_its_derivative_says():
     for parameter in np.linspace(0.5, 3.2, 60):
         rows = []
         for step in (-1e-6, 0.0, 1e-6):
-            record, count = record_of(curve, parameter + step)
-            for k in range(count):
-                find_clearance(curve.flow, record[k], LONGEST, np.zeros((16, 16)))
-            rows.append(record[:count])
-        for k in range(min(map(len, rows))):
-            if (
-                np.isfinite(rows[1][k, column.CLEARANCE])
-                and rows[1][k, column.CONTACT] >= 0
-                and np.isfinite(rows[0][k, column.CLEARANCE] + rows[2][k, column.CLEARANCE])
-            ):
-                slope = (rows[2][k, column.CLEARANCE] - rows[0][k, column.CLEARANCE]) / 2e-6
-                assert slope == pytest.approx(rows[1][k, column.CLEARANCE + 1], rel=1e-4, abs=1e-4)
+            rows.append([flight.with_clearance(curve, LONGEST) for flight in flights_of(curve, parameter + step)])
+        for below, flight, above in zip(*rows, strict=False):
+            if np.isfinite(flight.clearance) and flight.has_impact and np.isfinite(below.clearance + above.clearance):
+                slope = (above.clearance - below.clearance) / 2e-6
+                assert slope == pytest.approx(flight.clearance_rate, rel=1e-4, abs=1e-4)
                 checked += 1
     assert checked > 10
 
@@ -157,24 +149,24 @@ def test_acceleration_towards_the_stop():
     """Oracle: w'' of the flight by its own equation, along the side of the contact."""
     system = saltus.vibro_impact_nes()
     (curve,) = curves(system, "origin", 0.4)
-    record, rows = record_of(curve, 1.1)
+    flights = flights_of(curve, 1.1)
     modes = system.modes
-    for k in range(rows - 1):
-        after = record[k + 1, :4]
-        contact = int(record[k, column.CONTACT])
-        force = -(modes.squares * after[:2]) @ modes.contacts.gap[contact, :2]
-        assert record[k, column.ACCELERATION] == pytest.approx(modes.contacts.side[contact] * force, rel=1e-9, abs=1e-12)
+    assert len(flights) > 1
+    for flight, following in pairwise(flights):
+        contact = int(flight.contact)
+        force = -(modes.squares * following.state[:2]) @ modes.contacts.gap[contact, :2]
+        assert flight.acceleration == pytest.approx(modes.contacts.side[contact] * force, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", [0, 1, 2, 3])
 def test_places_and_their_inverse(kind):
     """Oracle: the definition: inverse functions, derivative by central differences, both ends kept."""
-    curve = StartMap(0.4, 1.1, kind)
+    places = Places(0.4, 1.1, kind)
     for x in (0.003, 0.2, 0.5, 0.81, 0.997):
-        theta, rate = place(curve, x)
-        assert unplace(curve, theta) == pytest.approx(x, rel=1e-10)
-        assert rate == pytest.approx((place(curve, x + 1e-6)[0] - place(curve, x - 1e-6)[0]) / 2e-6, rel=1e-5)
-    assert [place(curve, x)[0] for x in (0.0, 1.0)] == pytest.approx([0.4, 1.1], abs=1e-16)
+        theta, rate = places.place(x)
+        assert places.unplace(theta) == pytest.approx(x, rel=1e-10)
+        assert rate == pytest.approx((places.place(x + 1e-6)[0] - places.place(x - 1e-6)[0]) / 2e-6, rel=1e-5)
+    assert [places.place(x)[0] for x in (0.0, 1.0)] == pytest.approx([0.4, 1.1], abs=1e-16)
 
 
 def test_positive_is_said_only_of_what_is():
@@ -184,7 +176,7 @@ def test_positive_is_said_only_of_what_is():
     for a, b, c in generator.normal(size=(4000, 3)):
         x = np.linspace(-1.0, 1.0, 401)
         f = a + b * x + c * x * x
-        if positive_between(a - b + c, b - 2.0 * c, a, b, a + b + c, b + 2.0 * c, 1.0, 0.0):
+        if positive_between((a - b + c, a, a + b + c), (b - 2.0 * c, b, b + 2.0 * c), 1.0):
             said += 1
             wrong += bool(f.min() <= 0.0)
     assert said > 150 and wrong == 0
@@ -212,7 +204,6 @@ def test_more_turning_points_than_are_looked_through_leave_nothing_known():
     """Oracle: a mode of frequency 3e5 has a million turning points in ten time units, one of 3 has ten."""
     for mu, known in ((0.1, True), (1e-12, False)):
         (curve,) = curves(saltus.vibro_impact_nes(mu=mu), "origin", 1e-9)
-        row = np.zeros(column.COLUMNS)
-        row[:4], row[column.DURATION], row[column.CLEARANCE] = (0.0, 0.0, 1e-5, 1e-5), np.inf, np.nan
-        find_clearance(curve.flow, row, 10.0 / 1.05, np.zeros((16, 16)))
-        assert bool(row[column.CLEARANCE] > 0.0) is known and bool(row[column.CLEARANCE] == -np.inf) is not known
+        begun = StartFlight(state=(0.0, 0.0, 1e-5, 1e-5), duration=np.inf, clearance=np.nan)
+        flight = begun.with_clearance(curve, 10.0 / 1.05)
+        assert (flight.clearance > 0.0) is known and (flight.clearance == -np.inf) is not known

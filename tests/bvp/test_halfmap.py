@@ -10,22 +10,15 @@ import pytest
 
 from benchmarks.saltation import reduced_monodromy, saltation_multipliers
 from bvp.closures import cycle_of
-from bvp.kernels.multipoint import ORIGIN
-from bvp.kernels.stability import half_map, make_half_map, section_basis
 from bvp.multipoint import MultipointProblem
 from bvp.stability import ERROR_FACTOR, balance, decide, half_map_of, stability, velocity_scale
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.high_precision import Exact
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
+from tests.lab.problems import half_map, section_basis
 
 EPS = np.finfo(float).eps
 FOLD = 1.13584395619551
-
-
-def computed(problem, solution):
-    """phi and the magnification straight from the kernel."""
-    work = make_half_map(problem.held)
-    return work.phi, half_map(problem.segment, solution.y, solution.ends, work.held, work.rows, work.square, work.small, work.phi)
 
 
 def defect(problem, solution):
@@ -59,7 +52,7 @@ def test_error_bound_of_the_backbone(impacts, alpha):
 def test_half_map_is_symplectic():
     """n = 2: det = 1; n > 2: a'c and b'd symmetric, a'd - c'b = 1."""
     for orbit in collection() + chains():
-        phi, magnified = computed(orbit.problem, orbit.solution)
+        phi, magnified = half_map(orbit.problem, orbit.solution)
         m = orbit.problem.pairs
         units = balance(orbit.problem, velocity_scale(orbit.problem, orbit.solution))
         a, b, c, d = phi[:m, :m] * units[0], phi[:m, m:] * units[1], phi[m:, :m] * units[2], phi[m:, m:] * units[3]
@@ -129,7 +122,7 @@ def test_krein_signatures_of_eigenvectors():
     for orbit in collection() + chains():
         found = stability(orbit.problem, orbit.solution)
         m = orbit.problem.pairs
-        phi, _ = computed(orbit.problem, orbit.solution)
+        phi, _ = half_map(orbit.problem, orbit.solution)
         values, vectors = np.linalg.eig(return_map(phi, m))
         form = np.block([[np.zeros((m, m)), np.eye(m)], [-np.eye(m), np.zeros((m, m))]])
         for nu, sign in zip(found.nu, found.krein, strict=True):
@@ -195,8 +188,7 @@ def test_bases_of_a_section_are_turned_one_way(n):
     problem = MultipointProblem(chain(rng, n), ("origin", "origin"), ("+", "-"))
     signs = set()
     for velocity in rng.normal(size=(40, n)):
-        basis = np.empty((n - 1, n))
-        section_basis(problem.segment, 0, ORIGIN, np.concatenate([np.zeros(n), velocity]), np.eye(n), np.empty((2, n)), basis)
+        basis = section_basis(problem, "origin", np.concatenate([np.zeros(n), velocity]))
         np.testing.assert_allclose(basis @ basis.T, np.eye(n - 1), rtol=0, atol=1e-14)
         np.testing.assert_allclose(basis @ velocity, 0.0, rtol=0, atol=1e-13)
         signs.add(float(np.sign(np.linalg.det(np.vstack([velocity, basis])))))

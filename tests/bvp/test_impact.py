@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from bvp.checks import EPSILON
-from bvp.kernels.flight import amplitudes, flow_state
-from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import twins
-from tests.bvp.searches import ImpactStatus, next_impact, restitute
 from tests.bvp.test_modes import exceptional_point
 from tests.bvp.twins import amplitude_samples, chain, distances, first_order, flow
+from tests.lab.flights import LinearFlight
+from tests.lab.limits import CONTACT_TOLERANCE
+from tests.lab.paths import ImpactStatus, next_impact, restitute
 
 
 def oscillator(lower=-math.inf, upper=math.inf, k=1.0, c=0.0, restitution=1.0):
@@ -37,27 +37,28 @@ def random_system(rng, n, damping, stiffness_shift=0.0):
 @given(st.integers(1, 4), st.integers(0, 2**31), st.sampled_from([0.0, 0.01, 0.3, 5.0]), st.sampled_from([0.0, 0.5]), st.floats(0.01, 5.0))
 def test_amplitudes_bound_what_dense_sampling_finds(n, seed, damping, shift, horizon):
     rng = np.random.default_rng(seed)
-    modes = random_system(rng, n, damping, shift).modes
-    z = rng.normal(size=2 * n)
-    bounds = amplitudes(modes.flight, modes.contacts.gap[0], z, horizon)
+    system = random_system(rng, n, damping, shift)
+    modes, z = system.modes, rng.normal(size=2 * n)
+    bounds = LinearFlight(system).amplitudes(modes.contacts.gap[0], z, horizon)
     for order, bound in zip((0, 2, 3), bounds, strict=True):
         samples = amplitude_samples(modes.matrix, modes.contacts.gap[0], z, horizon, order)
         assert samples.max() <= bound * (1.0 + 1e-9)
 
 
 def test_amplitudes_of_a_larger_block_bound_what_dense_sampling_finds():
-    modes = exceptional_point().modes
-    z = np.array([1.0, -0.3, 0.2, 0.7])
-    bounds = amplitudes(modes.flight, modes.contacts.gap[0], z, 10.0)
+    system = exceptional_point()
+    modes, z = system.modes, np.array([1.0, -0.3, 0.2, 0.7])
+    bounds = LinearFlight(system).amplitudes(modes.contacts.gap[0], z, 10.0)
     for order, bound in zip((0, 2, 3), bounds, strict=True):
         assert amplitude_samples(modes.matrix, modes.contacts.gap[0], z, 10.0, order).max() <= bound
 
 
 def test_amplitudes_of_one_mode_are_its_amplitude():
     """|u| <= hypot(u, v/w), |u''| <= w^2 of it, |u'''| <= w^3 of it: attained."""
-    modes = oscillator(upper=1.0, k=4.0).modes
+    system = oscillator(upper=1.0, k=4.0)
+    modes = system.modes
     size = math.hypot(0.3, 0.8 / 2.0)
-    bounds = amplitudes(modes.flight, modes.contacts.gap[0], modes.from_state @ [0.3, 0.8], math.inf)
+    bounds = LinearFlight(system).amplitudes(modes.contacts.gap[0], modes.from_state @ [0.3, 0.8], math.inf)
     np.testing.assert_allclose(bounds, [size, 4 * size, 8 * size], rtol=1e-8)
 
 
@@ -264,7 +265,7 @@ def test_starts_of_one_oscillator(system, start, horizon, leaving, status, conta
     assert speed is None or found.speed == pytest.approx(speed, rel=1e-14, abs=1e-14)
 
 
-def test_the_kernel_state_at_a_hit_is_on_the_stop():
+def test_the_state_at_a_hit_is_on_the_stop():
     system = vibro_impact_nes()
     modes = system.modes
     rng = np.random.default_rng(8)
@@ -274,7 +275,6 @@ def test_the_kernel_state_at_a_hit_is_on_the_stop():
         found = next_impact(system, [0.0, 0.0], v, 100.0)
         if found.status is ImpactStatus.HIT:
             hits += 1
-            out = np.empty(4)
-            flow_state(modes.flight, modes.from_state @ np.array([0.0, 0.0, *v]), found.time, out)
+            out = LinearFlight(system).end(modes.from_state @ np.array([0.0, 0.0, *v]), found.time)
             assert abs(abs(modes.contacts.gap[0] @ out) - 1.0) <= 2e-15 * (1.0 + np.abs(modes.contacts.gap[0] * out).sum())
     assert hits > 90

@@ -7,11 +7,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from bvp.kernels.energy_budget import Products, doubled_integrals, integral_work, integrals, series_integrals
-from bvp.kernels.flight import fastest_rate
 from bvp.system import ImpactSystem, Stop
 from tests.bvp.test_modes import exceptional_point
 from tests.bvp.twins import first_order
+from tests.lab.paths import integral
 
 EPSILON = np.finfo(float).eps
 
@@ -31,15 +30,6 @@ def exact(matrix, first, second, z, t):
         flow, corner = whole[n:, n:], whole[:n, n:]
         start = mpmath.matrix([mpmath.mpf(float(x)) for x in z])
         return float((start.T * flow.T * corner * start)[0])
-
-
-def compiled(system, first, second, z, t):
-    """The kernel on the modes of a system, with rows and state in (u, v)."""
-    modes = system.modes
-    rows = [np.array([row]) @ modes.to_state for row in (first, second)]
-    out = np.zeros(1)
-    integrals(modes.flight, Products(*rows, np.ones(1)), modes.from_state @ z, t, integral_work(len(z), 1), out)
-    return out[0]
 
 
 def one(c, k):
@@ -70,14 +60,14 @@ def require_dissipation(systems, row, z, times, accuracy):
     for system in systems:
         for t in times:
             expected = exact(first_order(system), row, row, z, t)
-            assert compiled(system, row, row, z, t) == pytest.approx(expected, rel=accuracy), (system, t)
+            assert integral(system, row, row, z, t) == pytest.approx(expected, rel=accuracy), (system, t)
 
 
 def test_light_damping_over_a_flight_without_end():
     """u'' + c u' + u = 0 from v = 1: c times the integral of v^2 is all of the energy, 1/2."""
     for c in (1e-12, 1e-3, 1.9999999, 2.0, 2.0000001, 1e4):
         v = np.array([0.0, 1.0])
-        assert c * compiled(one(c, 1.0), v, v, v, 1e18 if c < 1.0 else 1e6) == pytest.approx(0.5, rel=1e-13)
+        assert c * integral(one(c, 1.0), v, v, v, 1e18 if c < 1.0 else 1e6) == pytest.approx(0.5, rel=1e-13)
 
 
 @pytest.mark.rounding
@@ -97,16 +87,10 @@ def test_random_systems_and_unequal_rows(n, seed, size, t):
     matrix = first_order(system)
     size = np.sqrt(exact(matrix, a, a, z, t) * exact(matrix, b, b, z, t))
     expected = exact(matrix, a, b, z, t)
-    assert abs(compiled(system, a, b, z, t) - expected) <= 1e-12 * size
+    assert abs(integral(system, a, b, z, t) - expected) <= 1e-12 * size
     rows = [np.array([row]) @ modes.to_state for row in (a, b)]
-    products = Products(*rows, np.ones(1))
-    start, fastest = modes.from_state @ z, fastest_rate(modes.flight)
+    start = modes.from_state @ z
     # The integrand is a sum over modes, whose parts are larger than it where modes are nearly parallel. Each part rounds by itself.
     parts = np.finfo(float).eps * t * np.prod([np.linalg.norm(row) * np.linalg.norm(start) for row in rows])
-    for way in ("series", "doubled"):
-        out = np.zeros(1)
-        if way == "series":
-            series_integrals(modes.flight, products, start, t, fastest, int(fastest * t) + 1, integral_work(2 * n, 1), out)
-        else:
-            doubled_integrals(modes.flight, products, start, t, fastest, out)
-        assert abs(out[0] - expected) <= 1e-12 * size + parts
+    for way in ("series", "doubling"):
+        assert abs(integral(system, a, b, z, t, way) - expected) <= 1e-12 * size + parts

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from bvp.expressions import ExpressionError
 from bvp.jet_programs import even_power, jet_program, plain_powers, signed_power
-from bvp.kernels.jets import DIVIDE, MULTIPLY, SQUARE, extend_jets
 from bvp.programs import evaluate_program, program_of
+from tests.lab.programs import DIVIDE, MULTIPLY, SQUARE
+from tests.lab.programs import taylor as taylor_of_program
 
 A, B, P, Q = sympy.symbols("a b p q", real=True)
 ORDER, RADIUS = 7, 0.25
@@ -24,12 +25,7 @@ VALUES = (2.5, 0.7)
 
 def jets_of(program, motions=MOTIONS, order=ORDER):
     """The coefficients of all registers."""
-    jets = np.zeros((program.registers, order + 1))
-    for k, motion in enumerate(motions):
-        jets[k, : len(motion)] = motion[: order + 1]
-    for k in range(order + 1):
-        extend_jets(program, jets, np.int64(k), 0.0)
-    return jets
+    return taylor_of_program(program, motions, order)
 
 
 def taylor(expression, parameters=(), values=(), motions=MOTIONS):

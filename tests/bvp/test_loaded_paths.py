@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-import bvp.kernels.multipoint as entry
 from bvp.forced import ForcedProblem
-from bvp.kernels.extrema import TIE
-from bvp.kernels.loaded_paths import forced_observe
 from bvp.parameters import ParametricSystem
 from saltus.scene import load_scene
+from tests.lab.limits import TIE
+from tests.lab.problems import clearance_under_loads
 
 STOPS = [
     {"c": [1.0, 0.0], "upper": 0.5, "restitution": 0.8},
@@ -91,21 +90,13 @@ def sampled(problem, y, samples):
     return best
 
 
-def observed(problem, y):
-    problem.residual(y)
-    result = np.full(len(entry.RESULT), np.nan)
-    forced_observe(problem.segment, problem._watched, np.array(y), problem._factor.before.copy(), problem._nothing, result)
-    assert result[entry.GAVE_UP] == 0.0
-    return result[entry.CLEARANCE]
-
-
 def require_clearance(problem, seed, samples):
     """Nodes need not be those of an orbit: each flight has its own path."""
     random = np.random.RandomState(seed)
     force = problem.values["F"]
     y = problem.pack(force * random.normal(size=(2, 4)), np.sort(random.uniform(size=2)), [problem.values["w"]])
     expected = sampled(problem, y, samples)
-    assert observed(problem, y) == pytest.approx(expected, abs=1e-4 * max(1.0, abs(expected)))
+    assert clearance_under_loads(problem, y) == pytest.approx(expected, abs=1e-4 * max(1.0, abs(expected)))
 
 
 @pytest.mark.parametrize("w", [1.0, 1.0 + 1e-9, np.sqrt(3.0) / 7.0, 0.6, 3.0])
@@ -148,7 +139,7 @@ def test_a_flight_that_hardly_leaves_its_stop(duration):
     derivatives are zero there, and the velocity, t^3/6, is far below its rounding."""
     problem = ForcedProblem(load_scene("bouncing_ball", e=0.0, Gamma=1.0).parametric, ["-="], ["Gamma"])
     held, free = [0.0, 0.0, 0.25, 1.0, 2.0 * np.pi], [0.0, 0.0, 1.25, 1.0, duration]
-    assert abs(observed(problem, np.array(held + free))) < 1e-15
+    assert abs(clearance_under_loads(problem, np.array(held + free))) < 1e-15
 
 
 def overdamped_turns(c, start, w, duration):
@@ -191,7 +182,7 @@ def test_no_touch_of_an_overdamped_flight_is_lost(c):
             turns = [x for x in turns] + ([end] if speed >= 0 >= start[1] else [])
             for part in (1e-12, -1e-12) if turns else ():
                 d = float(max(turns)) + part
-                found = observed(problem, problem.pack([start], [0.0], [d]))
+                found = clearance_under_loads(problem, problem.pack([start], [0.0], [d]))
                 assert found == pytest.approx(float(d - max(turns)), abs=TIE), (start, part)
                 peaks += 1
     assert peaks >= 8

@@ -9,29 +9,10 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from bvp.kernels.forced import fly_loaded
-from bvp.kernels.loads import LoadedFlight, Loads
 from bvp.system import ImpactSystem, Stop
+from tests.lab.flights import LoadedFlight
 
 DIGITS = 60
-
-
-def flight_of(system, harmonics, cosine, sine, clock, load_periods, cosine_slope=None, sine_slope=None):
-    """The seam's data for a system; slopes (m, H, n) and clock (1 + m,)."""
-    modes, n = system.modes, system.degrees_of_freedom
-    m = len(clock) - 1
-    size = 2 * n
-    zero = np.zeros((m, len(harmonics), n))
-    parts = [
-        np.concatenate([[part], zero if slope is None else slope]) for part, slope in ((cosine, cosine_slope), (sine, sine_slope))
-    ]
-    modal = np.stack(parts, axis=2) @ (modes.from_state[:, n:] @ np.linalg.inv(system.mass)).T
-    loads = Loads(np.array(harmonics, float), modal, np.array(clock, float), float(load_periods))
-    scratch = (
-        *(np.zeros((0, size, size)), np.zeros((4, size, size)), np.zeros((8, size))),
-        *(np.zeros((size, size)), np.zeros((max(m, 1), size))),
-    )
-    return LoadedFlight(modes.flight, np.ascontiguousarray(modes.from_state), np.ascontiguousarray(modes.to_state), loads, *scratch)
 
 
 def exact(system, flight, z, t, changes, exponentials):
@@ -46,7 +27,7 @@ def exact(system, flight, z, t, changes, exponentials):
     load_periods = 2 * mp.pi * mp.mpf(loads.load_periods)
     count = len(loads.harmonics)
     inverse = mp.matrix(system.mass.tolist()) ** -1
-    leave = flight.leave[n:]
+    leave = flight.to_state[n:]
     whole = mp.zeros(size + 2 * count)
     pulled = -inverse * mp.matrix(system.stiffness.tolist())
     damped = -inverse * mp.matrix(system.damping.tolist())
@@ -75,8 +56,7 @@ def exact(system, flight, z, t, changes, exponentials):
 def judged(system, flight, z, t):
     """Largest error of end, derivatives and rate, relative to their sizes."""
     count = len(z)
-    out, jacobian, rate = np.empty(count), np.empty((count, count)), np.empty(count)
-    fly_loaded(flight, np.array(z, float), float(t), out, jacobian, rate)
+    out, jacobian, rate = flight.end(z, t)
     errors = []
     with mp.workdps(DIGITS):
         none, known = [mp.mpf(0)] * (count + 1), {}
@@ -127,7 +107,7 @@ def require_flights_agree_with_forty_digits(system, w, t):
     random = np.random.RandomState(5)
     cosine, sine = random.uniform(-1.0, 1.0, (2, 3, n))
     slopes = random.uniform(-1.0, 1.0, (2, 2, 3, n))
-    flight = flight_of(system, [0, 1, 3], cosine, sine, [w, 1.0, 0.2], 2, *slopes)
+    flight = LoadedFlight(system, [0, 1, 3], cosine, sine, [w, 1.0, 0.2], 2, *slopes)
     z = [*random.uniform(-1.0, 1.0, 2 * n), 0.37, w, 0.4]
     assert judged(system, flight, z, t) < 2e-14 * (1.0 + abs(t)) * (1.0 + w)
 
@@ -137,16 +117,13 @@ def test_larger_blocks_take_part():
     matrix = np.array([[2.0, -1.0, 0.3], [-1.0, 2.0, -0.7], [0.3, -0.7, 1.5]])
     damping = 0.7 * matrix @ np.diag([1.0, 0.6, 1.4]) @ matrix.T
     system = ImpactSystem(np.eye(3), damping, matrix, [Stop((1.0, 0.0, 0.0), upper=1.0)])
-    free = system.modes.flight
-    joined = free._replace(pairs=np.array([[0, -6]]), mean=np.array([np.trace(free.matrix) / 6.0]), delta=np.zeros(1))
-    flight = flight_of(system, [0, 1], np.ones((2, 3)), np.ones((2, 3)), [1.3, 1.0], 1)
+    flight = LoadedFlight(system, [0, 1], np.ones((2, 3)), np.ones((2, 3)), [1.3, 1.0], 1, one_block=True)
     z = [*np.linspace(-1.0, 1.0, 6), 0.2, 1.3]
-    assert judged(system, flight._replace(free=joined), z, 2.0) < 2e-13
+    assert judged(system, flight, z, 2.0) < 2e-13
 
 
 def test_a_flight_of_a_correction_that_diverges_ends_at_once():
     """At resonance the work grows with the duration: of 1e300 time units no end is computed, and none is made up."""
-    flight = flight_of(oscillator(), [1], np.ones((1, 1)), np.ones((1, 1)), [1.0, 1.0], 1)
-    out, jacobian, rate = np.empty(4), np.empty((4, 4)), np.empty(4)
-    fly_loaded(flight, np.array([0.1, 0.2, 0.3, 1.0]), 1e300, out, jacobian, rate)
+    flight = LoadedFlight(oscillator(), [1], np.ones((1, 1)), np.ones((1, 1)), [1.0, 1.0], 1)
+    out, _, _ = flight.end([0.1, 0.2, 0.3, 1.0], 1e300)
     assert np.isnan(out[:2]).all()

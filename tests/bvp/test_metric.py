@@ -5,12 +5,12 @@ import pytest
 
 from bvp.forced import ForcedProblem
 from bvp.forced_metric import position_slopes
-from bvp.kernels.step import constraint_row, locate, metric_direction
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment, chain
+from tests.lab.problems import Arclength
 
 PERIODIC = ("periodic", "periodic")
 
@@ -40,14 +40,13 @@ def problems():
 def test_changes_of_the_coordinates_against_differences(problem, y):
     rng = np.random.default_rng(5)
     size = problem.size + 2
-    position, direction, change, row = np.empty(size), rng.normal(size=size), np.empty(size), np.empty(problem.unknowns)
-    energy, alpha = locate(problem.segment, y, position)
-    np.testing.assert_allclose(position, position_of(problem, y), rtol=1e-14, atol=1e-14)
-    assert np.isclose(energy, problem.energy(y), rtol=1e-14) and np.isclose(alpha, problem.quarter_period(y), rtol=1e-14)
-    constraint_row(problem.segment, y, energy, alpha, position, direction, row)
+    direction, found = rng.normal(size=size), Arclength(problem, y, size)
+    np.testing.assert_allclose(found.position, position_of(problem, y), rtol=1e-14, atol=1e-14)
+    assert np.isclose(found.value, problem.energy(y), rtol=1e-14) and np.isclose(found.period, problem.quarter_period(y), rtol=1e-14)
+    row = found.row(direction)
     for step in rng.normal(size=(5, problem.unknowns)):
         expected = (position_of(problem, y + 1e-6 * step) - position_of(problem, y - 1e-6 * step)) / 2e-6
-        slope, length = metric_direction(problem.segment, y, position, energy, alpha, step, change)
+        change, length, slope = found.change(step)
         np.testing.assert_allclose(change, expected, rtol=1e-7, atol=1e-7 * length)
         assert np.isclose(length, np.linalg.norm(change), rtol=1e-13)
         # h is quadratic, so its central difference is exact
@@ -81,14 +80,13 @@ def test_coordinates_in_parameters_against_differences(free):
         x = y[:2] / units[:2]
         reach = np.sqrt(1.0 + x @ x)
         plain = [*(x / reach), time, np.log(1.7), np.arcsinh(-0.2 * size / units[4]), np.arcsinh(size / units[5]), np.log(reach)]
-        position, direction, change, row = np.empty(7), rng.normal(size=7), np.empty(7), np.empty(problem.unknowns)
-        value, period = locate(problem.segment, y, position)
-        np.testing.assert_allclose(position, plain, rtol=1e-14)
+        direction, found = rng.normal(size=7), Arclength(problem, y, 7)
+        np.testing.assert_allclose(found.position, plain, rtol=1e-14)
         np.testing.assert_allclose(problem.position(y), plain, rtol=1e-14)
-        constraint_row(problem.segment, y, value, period, position, direction, row)
+        row = found.row(direction)
         for step in rng.normal(size=(5, problem.unknowns)) * np.maximum(np.abs(y), units.max()):
             expected = (problem.position(y + 1e-6 * step) - problem.position(y - 1e-6 * step)) / 2e-6
-            slope, length = metric_direction(problem.segment, y, position, value, period, step, change)
+            change, length, slope = found.change(step)
             np.testing.assert_allclose(change, expected, rtol=1e-6, atol=1e-7 * length)
             np.testing.assert_allclose(position_slopes(units, 2, y) @ step, expected, rtol=1e-6, atol=1e-7 * length)
             assert np.isclose(length, np.linalg.norm(change), rtol=1e-13) and slope == step[3]

@@ -13,13 +13,13 @@ from scipy.optimize import brentq
 from benchmarks import backbone
 from benchmarks.saltation import monodromy, reduced_monodromy, saltation_matrix, saltation_multipliers
 from bvp.closures import Cycle, cycle_of
-from bvp.kernels.monodromy import FORMED_LIMIT, GRADE
 from bvp.multipliers import floquet_multipliers, nearest_grazing, saddle_point_multipliers, sort_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin
 from tests.bvp.high_precision import Exact
 from tests.bvp.orbits import backbone_segment, chain, chains, collection, cut
 from tests.hard.digits import Closed
+from tests.lab.limits import FORMED_LIMIT, GRADE
 
 EPS = np.finfo(float).eps
 

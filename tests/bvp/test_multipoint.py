@@ -14,13 +14,12 @@ from hypothesis import strategies as st
 
 from benchmarks import backbone
 from bvp.closures import EndsError
-from bvp.kernels.multipoint import evaluate, fill, make_factor
-from bvp.kernels.newton import factorise, null_vector, set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin
 from tests.bvp.high_precision import Exact
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
+from tests.lab.problems import null_vector
 
 EPS = np.finfo(float).eps
 ENDS = ("origin", "rest", "stop+", "stop-")
@@ -160,15 +159,7 @@ def test_a_flipped_sign_is_noticed(ends, signs):
 def test_null_vector(case):
     """J t = 0 for the tangent of the factorised Jacobian."""
     problem, y = case
-    factor = make_factor(problem.segment)
-    work = np.zeros(problem.size)
-    residual = np.zeros(problem.unknowns - 1)
-    evaluate(problem.segment, y, factor.before, factor.flights, work, residual)
-    displacement, velocity, _ = set_scale(problem.segment, y, factor)
-    fill(problem.segment, y, factor)
-    factorise(problem.segment, y, factor, displacement, velocity)
-    null = np.zeros(problem.unknowns)
-    null_vector(problem.segment, factor, null)
+    null = null_vector(problem, y)
     jacobian = problem.jacobian(y)
     assert np.max(np.abs(jacobian @ null)) < 1e-12 * np.linalg.norm(jacobian) * np.linalg.norm(null)
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from bvp.forced import ForcedProblem
-from bvp.kernels.multipoint import REST, STOP
 from bvp.parameters import ParametricSystem
 from tests.bvp.orbits import collection
 
@@ -18,9 +17,9 @@ def test_slowest_impact_also_of_orbits_that_start_at_one():
         problem, y = orbit.problem, orbit.solution.y
         modes, n = problem.modes, problem.half
         speeds = {}
-        for node, state in enumerate(problem.end_states(y)[: problem.inner + (problem.kinds[1] == STOP)]):
+        for node, state in enumerate(problem.end_states(y)[: problem.inner + (problem.ends[1].startswith("stop"))]):
             speeds[node] = (problem.contacts[node], state)
-        if problem.kinds[0] == STOP:
+        if problem.ends[0].startswith("stop"):
             speeds[problem.inner + 1] = (problem.contacts[problem.inner + 1], -problem.start(y))
         for node, (contact, state) in speeds.items():
             gap = np.array(problem.system.stops[modes.contact_stop[contact]].gap)
@@ -29,7 +28,7 @@ def test_slowest_impact_also_of_orbits_that_start_at_one():
         assert slowest > 0.0 and abs(orbit.solution["speed"] - slowest) <= 1e-12 * max(speeds.values())
         # The last impact of a segment from stop to stop can be as slow as the first.
         assert abs(speeds[int(orbit.solution["speed_node"])] - slowest) <= 1e-12 * slowest
-        begun += problem.kinds[0] == STOP
+        begun += problem.ends[0].startswith("stop")
     assert begun > 10
 
 
@@ -40,8 +39,8 @@ def test_rest_ends_are_turning_points():
         problem, solution = orbit.problem, orbit.solution
         times = problem.flight_times(solution.y)
         gap = np.array(problem.system.stops[0].gap) @ problem.modes.to_state[: problem.half]
-        places = [(problem.start(solution.y), 0, 0.0)] if problem.kinds[0] == REST else []
-        places += [(solution.ends[-1], problem.inner, times[-1])] if problem.kinds[1] == REST else []
+        places = [(problem.start(solution.y), 0, 0.0)] if problem.ends[0] == "rest" else []
+        places += [(solution.ends[-1], problem.inner, times[-1])] if problem.ends[1] == "rest" else []
         for state, flight, time in places:
             w = float(gap @ state)
             assert solution["clearance"] <= 1.0 - abs(w) + 1e-13

@@ -5,7 +5,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from bvp.kernels.periodic_qr import product_eigenvalues
+from tests.lab.matrices import product_eigenvalues
 
 EPS = np.finfo(float).eps
 
@@ -45,10 +45,8 @@ def exact(factors, inverse):
 
 
 def eigenvalues(factors, inverse):
-    m = factors.shape[1]
-    found, product = np.empty((2, m)), np.empty((m, m))
-    steps = product_eigenvalues(factors.copy(), inverse, np.empty((3, 3)), product, found)
-    return steps, [mp.mpc(*pair) for pair in found.T], product
+    steps, found, product = product_eigenvalues(factors, inverse)
+    return steps, [mp.mpc(*pair) for pair in found], product
 
 
 def error(found, values):

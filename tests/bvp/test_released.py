@@ -10,10 +10,8 @@ from scipy.linalg import expm
 from benchmarks.backbone import Backbone
 from bvp import checks
 from bvp.closures import EndsError
-from bvp.kernels import undamped
-from bvp.kernels.multipoint import RESULT
 from bvp.multipliers import sort_multipliers
-from bvp.multipoint import MultipointProblem, Solution
+from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from bvp.stability import half_map_of
@@ -263,7 +261,7 @@ def test_multipliers_of_an_orbit_with_negative_energy():
     assert plain.energy(y) < -0.1
     problem = ReleasedProblem(parametric, ("rest", "stop+"), (), ("k",), [f"energy = {plain.energy(y)!r}"], energy=0.3)
     found = problem.multipliers(problem.of_orbit(plain, y))
-    solution = Solution(y, np.zeros(2 * y.size), np.zeros(0), plain.end_states(y), np.full(len(RESULT), np.nan))
+    solution = Solution(y, np.zeros(2 * y.size), np.zeros(0), plain.end_states(y), np.full(len(RESULT_INDEX), np.nan))
     phi = half_map_of(plain, solution)[0]
     trace = 2.0 + 4.0 * float(phi[0, 1] * phi[1, 0])
     assert found[0] + found[-1] == pytest.approx(trace, rel=1e-10) and found[1:-1] == pytest.approx([1.0, 1.0])
@@ -278,4 +276,6 @@ def test_limits_of_a_parameter_are_looked_at_anew():
 
 
 def test_the_sizes_of_entries_are_those_of_a_system():
+    from bvp.kernels import undamped
+
     assert (undamped.EPSILON, undamped.SMALLEST, undamped.LARGEST) == (checks.EPSILON, checks.SMALLEST, checks.LARGEST)

@@ -10,18 +10,16 @@ import sympy
 from scipy.special import ellipj, ellipk
 
 from bvp.jet_programs import jet_program
-from bvp.kernels.loads import Loads
-from bvp.kernels.sources import make_load_sources
-from bvp.kernels.taylor import ROUNDING, fly_smooth, make_smooth_flight
 from bvp.programs import program_of
+from tests.lab.flights import ROUNDING, Loads, SmoothFlight
 
 W = sympy.Symbol("w", real=True)
 
 
-def power_flight(exponent: int, linear, row, push):
+def power_flight(exponent: int, linear, row, push, loads=None):
     """Flights with one force w^p."""
     program, potential = jet_program([W**exponent], [W])[0], program_of([W ** (exponent + 1) / (exponent + 1)], [W])
-    return make_smooth_flight(np.array(linear, float), np.array([row], float), np.array(push, float), program, potential, 2)
+    return SmoothFlight(linear, [row], push, program, potential, loads)
 
 
 def duffing():
@@ -37,19 +35,15 @@ def test_flights_of_any_size_are_symplectic(n):
     program = jet_program([sympy.diff(potential, x) for x in w], list(w))[0]
     linear, places = np.zeros((2 * n, 2 * n)), np.hstack([np.eye(n) + 0.2, np.zeros((n, n))])
     linear[:n, n:], linear[n:, :n] = np.eye(n), -np.diag(1.0 + np.arange(n))
-    flight = make_smooth_flight(linear, places, np.ascontiguousarray(-places[:, :n].T), program, program_of([potential], list(w)), 2)
+    flight = SmoothFlight(linear, places, -places[:, :n].T, program, program_of([potential], list(w)))
     start = np.linspace(-1.0, 1.3, 2 * n)
-    assert fly_smooth(flight, 0, start, 1.0, True)
     turn = linear.copy()
     turn[n:, :n] = -np.eye(n)
-    known = flight.paths.maps[0]
+    known = flight.end(start, 1.0).derivatives
     assert np.abs(known.T @ turn @ known - turn).max() < 1e-14 * np.linalg.norm(known, 2) ** 2
     step = 1e-5
     for c in range(2 * n):
-        ends = []
-        for sign in (1.0, -1.0):
-            assert fly_smooth(flight, 1, start + sign * step * np.eye(2 * n)[c], 1.0, False)
-            ends.append(flight.paths.ends[1].copy())
+        ends = [flight.end(start + sign * step * np.eye(2 * n)[c], 1.0, derivatives=False).state for sign in (1.0, -1.0)]
         assert np.abs((ends[0] - ends[1]) / (2.0 * step) - known[:, c]).max() < 1e-6 * np.abs(known).max()
 
 
@@ -71,12 +65,12 @@ def test_two_coordinates_move_as_they_do_beside_a_third_one_at_rest(inputs, forc
         if damped:
             linear[n : n + 2, n : n + 2] = [[-0.3, 0.1], [0.2, -0.4]]
             rows[:, n : n + 2] = [[0.05, 0.02], [0.0, 0.1]][:inputs]
-        flight = make_smooth_flight(linear, rows, push, program, potential, 1)
+        flight = SmoothFlight(linear, rows, push, program, potential)
         moving = [0, 1, n, n + 1]
         start = np.zeros(2 * n)
         start[moving] = [0.3, -0.2, 0.5, 1.0]
-        assert fly_smooth(flight, 0, start, 1.5, True)
-        maps.append(np.column_stack([flight.paths.ends[0], flight.paths.maps[0]])[moving][:, [0, *(1 + k for k in moving)]])
+        end = flight.end(start, 1.5)
+        maps.append(np.column_stack([end.state, end.derivatives])[moving][:, [0, *(1 + k for k in moving)]])
     assert np.abs(maps[0] - maps[1]).max() < 1e-14 * np.linalg.norm(maps[0])
 
 
@@ -87,20 +81,19 @@ def test_duffing_is_elliptic(amplitude, part):
     squared = 1.0 + amplitude**2
     m = amplitude**2 / (2.0 * squared)
     frequency, time = math.sqrt(squared), part * ellipk(m) / math.sqrt(squared)
-    flight = duffing()
-    assert fly_smooth(flight, 0, np.array([amplitude, 0.0]), time, True)
+    end = duffing().end([amplitude, 0.0], time)
     sn, cn, dn, _ = ellipj(frequency * time, m)
     exact = np.array([amplitude * cn, -amplitude * frequency * sn * dn])
-    assert np.abs((flight.paths.ends[0] - exact) / [amplitude, amplitude * frequency]).max() < 2e-14
-    assert abs(np.linalg.det(flight.paths.maps[0]) - 1.0) < 1e-14 * np.linalg.norm(flight.paths.maps[0])
+    assert np.abs((end.state - exact) / [amplitude, amplitude * frequency]).max() < 2e-14
+    assert abs(np.linalg.det(end.derivatives) - 1.0) < 1e-14 * np.linalg.norm(end.derivatives)
 
 
-def _sink(exponent: int, coupling: float = 0.1):
+def _sink(exponent: int, coupling: float = 0.1, loads=None):
     """The reference system with the force w^p between its masses in place of stops."""
     linear = np.zeros((4, 4))
     linear[0, 2] = linear[1, 3] = 1.0
     linear[2, :2], linear[3, :2] = [-10.0 * coupling, 10.0 * coupling], [coupling, -1.0 - coupling]
-    return power_flight(exponent, linear, [1.0, -1.0, 0.0, 0.0], [[-10.0], [1.0]])
+    return power_flight(exponent, linear, [1.0, -1.0, 0.0, 0.0], [[-10.0], [1.0]], loads)
 
 
 def _energy(z: np.ndarray, exponent: int, coupling: float = 0.1) -> float:
@@ -116,24 +109,21 @@ def test_energy_and_volume_are_kept_and_time_can_be_reversed(exponent, energy):
     flight = _sink(exponent)
     start = np.array([0.0, 0.0, 0.5, 1.0])
     start *= math.sqrt(energy / _energy(start, exponent))
-    assert fly_smooth(flight, 0, start, 1.5, True)
-    end, rounding = flight.paths.ends[0].copy(), ROUNDING * flight.paths.steps[0, 0] * np.linalg.norm(flight.paths.maps[0])
-    assert abs(_energy(end, exponent) / energy - 1.0) < 1e-13
-    assert abs(np.linalg.det(flight.paths.maps[0]) - 1.0) < rounding
-    assert fly_smooth(flight, 1, end, -1.5, False)
-    assert np.abs(flight.paths.ends[1] - start).max() < rounding * math.sqrt(energy)
+    end = flight.end(start, 1.5)
+    rounding = ROUNDING * end.steps * np.linalg.norm(end.derivatives)
+    assert abs(_energy(end.state, exponent) / energy - 1.0) < 1e-13
+    assert abs(np.linalg.det(end.derivatives) - 1.0) < rounding
+    assert np.abs(flight.end(end.state, -1.5, derivatives=False).state - start).max() < rounding * math.sqrt(energy)
 
 
 def test_a_force_that_begins_with_a_high_power_is_not_missed():
     """Oracle: the same flight begun a little earlier. From w = 0 no coefficient up to the order of the series shows w^41."""
     flight = _sink(41, 0.0)
     start = np.array([0.0, 0.0, 8.0, 0.2])
-    assert fly_smooth(flight, 0, start, 0.05, False)
-    middle = flight.paths.ends[0].copy()
-    assert fly_smooth(flight, 0, middle, 0.25, False)
-    assert fly_smooth(flight, 1, start, 0.3, False)
-    assert np.abs(flight.paths.ends[0] - flight.paths.ends[1]).max() < 1e-12
-    assert flight.paths.ends[1, 2] < 0.0
+    middle = flight.end(start, 0.05, derivatives=False).state
+    later, whole = flight.end(middle, 0.25, derivatives=False).state, flight.end(start, 0.3, derivatives=False).state
+    assert np.abs(later - whole).max() < 1e-12
+    assert whole[2] < 0.0
 
 
 @pytest.mark.parametrize("scale", np.linspace(0.9, 1.02, 25))
@@ -144,12 +134,12 @@ def test_no_step_jumps_over_a_near_contact(scale):
     start = scale * np.array([0.0, 0.0, 3.3117, 5.2784])
     state, growth = start, np.eye(4)
     for _ in range(80):
-        assert fly_smooth(flight, 1, state, time / 80, True)
-        state, growth = flight.paths.ends[1].copy(), flight.paths.maps[1] @ growth
+        end = flight.end(state, time / 80)
+        state, growth = end.state, end.derivatives @ growth
     for with_columns in (False, True):
-        assert fly_smooth(flight, 0, start, time, with_columns)
-        assert np.abs(flight.paths.ends[0] - state).max() < 1e-13 * np.linalg.norm(growth)
-    assert np.abs(flight.paths.maps[0] - growth).max() < 1e-10 * np.linalg.norm(growth)
+        end = flight.end(start, time, with_columns)
+        assert np.abs(end.state - state).max() < 1e-13 * np.linalg.norm(growth)
+    assert np.abs(end.derivatives - growth).max() < 1e-10 * np.linalg.norm(growth)
 
 
 @pytest.mark.parametrize("speed", [0.0, 1e-5, -1e-5])
@@ -162,36 +152,23 @@ def test_no_step_jumps_over_a_near_contact_after_rest(speed, turn, size):
     linear[3, 0], linear[4, 1] = -1.0, -0.25
     slow = 4.0 * math.cos(0.5 * turn)
     highest = size * (slow * math.cos(0.5 * turn) - math.cos(turn))
-    flight = make_smooth_flight(
-        linear, np.array([[-size, size, 1.0, 0.0, 0.0, 0.0]]), np.array([[0.0], [0.0], [-1.0]]), program, potential, 2
-    )
+    flight = SmoothFlight(linear, [[-size, size, 1.0, 0.0, 0.0, 0.0]], [[0.0], [0.0], [-1.0]], program, potential)
     start = np.array([1.0, slow, 1.0 - highest, 0.0, 0.0, speed])
     state = start
     for _ in range(80):
-        assert fly_smooth(flight, 1, state, 1.5 / 80, False)
-        state = flight.paths.ends[1].copy()
-    assert fly_smooth(flight, 0, start, 1.5, False)
-    assert abs(state[5]) > 0.01 and np.abs(flight.paths.ends[0] - state).max() < 1e-9
+        state = flight.end(state, 1.5 / 80, derivatives=False).state
+    assert abs(state[5]) > 0.01 and np.abs(flight.end(start, 1.5, derivatives=False).state - state).max() < 1e-9
 
 
 def test_a_load_beside_a_near_contact_leaves_no_trace():
     """Oracle: the same flight without a load. Derivatives of an earlier flight decide nothing."""
     load = Loads(np.array([1.0]), np.zeros((1, 1, 2, 4)), np.array([1.0]), 1.0)
-    plain = _sink(201)
-    loaded = make_smooth_flight(
-        plain.matrix,
-        plain.rows,
-        plain.push,
-        plain.program,
-        plain.potential,
-        2,
-        make_load_sources(load, np.zeros((0, 4, 4)), np.zeros((0, 2, 1))),
-    )
-    loaded.paths.maps[:] = math.nan
+    plain, loaded = _sink(201), _sink(201, loads=load)
+    loaded.forget_derivatives()
     for scale in np.linspace(0.9, 1.02, 25):
         start = scale * np.array([0.0, 0.0, 3.3117, 5.2784])
-        assert fly_smooth(plain, 0, start, 1.64, False) and fly_smooth(loaded, 0, np.append(start, 0.0), 1.64, False)
-        assert np.array_equal(plain.paths.ends[0], loaded.paths.ends[0])
+        ends = plain.end(start, 1.64, derivatives=False), loaded.end(np.append(start, 0.0), 1.64, derivatives=False)
+        assert np.array_equal(ends[0].state, ends[1].state)
 
 
 def test_the_derivative_is_that_of_the_flight():
@@ -200,23 +177,21 @@ def test_the_derivative_is_that_of_the_flight():
     start = np.array([0.1, -0.2, 1.5, 0.7])
 
     def end(z):
-        assert fly_smooth(flight, 0, z, 1.2, False)
-        return flight.paths.ends[0].copy()
+        return flight.end(z, 1.2, derivatives=False).state
 
-    assert fly_smooth(flight, 1, start, 1.2, True)
+    derivatives = flight.end(start, 1.2).derivatives
     for c in range(4):
         slopes = [(end(start + h * np.eye(4)[c]) - end(start - h * np.eye(4)[c])) / (2.0 * h) for h in (1e-3, 5e-4)]
-        assert np.abs((4.0 * slopes[1] - slopes[0]) / 3.0 - flight.paths.maps[1][:, c]).max() < 1e-8
+        assert np.abs((4.0 * slopes[1] - slopes[0]) / 3.0 - derivatives[:, c]).max() < 1e-8
 
 
 def test_a_flight_with_too_many_steps_is_given_up():
-    """Oracle: the answer False."""
-    assert not fly_smooth(duffing(), 0, np.array([1.0, 0.0]), 1e4, False)
+    """Oracle: the answer: no end."""
+    assert duffing().end([1.0, 0.0], 1e4, derivatives=False) is None
 
 
 @pytest.mark.parametrize("speed", [1e10, 1e150])
 def test_a_motion_that_leaves_the_range_of_numbers_is_given_up(speed):
     """Oracle: the answer, soon. The coefficients of w^21 have no numbers there."""
     flight = power_flight(21, [[0.0, 1.0], [0.0, 0.0]], [1.0, 0.0], [[-1.0]])
-    fly_smooth(flight, 0, np.array([0.0, speed]), 1.0, False)
-    assert flight.paths.steps[0, 0] == -1
+    assert flight.end([0.0, speed], 1.0, derivatives=False) is None

@@ -14,13 +14,11 @@ import sympy
 from bvp.checks import require_system
 from bvp.closures import ORIGIN, EndsError, parse_end
 from bvp.jet_programs import plain_powers
-from bvp.kernels.expressions import run
-from bvp.kernels.jets import extend_jets
 from bvp.parameters import ParametricSystem
-from bvp.programs import scratch_size
 from bvp.smooth_forces import smooth_forces
 from bvp.springs import Damper, Spring, element_from
 from bvp.system import ImpactSystem, InvalidSystem, Stop
+from tests.lab.programs import run, taylor
 
 NAMES = ["x", "y"]
 BETWEEN, ON = (1.0, -1.0), (0.0, 1.0)
@@ -77,10 +75,8 @@ def test_the_energy_is_that_of_the_spring(spring, law, slope, odd):
         exact = 0.5 * (v @ MASS @ v + u @ STIFFNESS @ u) + work
         assert abs(found.energy(u, v) - exact) <= 1e-6 * abs(work) if spring.power in (2, 3.6) else 1e-13 * exact
         if found.smooth_forces is not None:
-            program, out = found.smooth_forces.energy_program(), np.zeros(1)
-            inputs = found.smooth_forces.inputs[:, :2] @ u
-            assert run(program, inputs, np.zeros(scratch_size(program, len(inputs))), out)
-            assert out[0] == pytest.approx(found.smooth_forces.energy(u), rel=1e-14, abs=1e-16)
+            out, known = run(found.smooth_forces.energy_program(), found.smooth_forces.inputs[:, :2] @ u)
+            assert known and out[0] == pytest.approx(found.smooth_forces.energy(u), rel=1e-14, abs=1e-16)
 
 
 def test_energies_of_many_states_are_those_of_each():
@@ -201,9 +197,7 @@ def test_push_and_program_are_those_of_the_forces():
     smooth = found.smooth_forces
     program = smooth.program()
     for u, v in zip(U, V, strict=True):
-        jets = np.zeros((program.registers, 1))
-        jets[: len(smooth.inputs), 0] = smooth.inputs @ [*u, *v]
-        extend_jets(program, jets, np.int64(0), 0.0)
+        jets = taylor(program, (smooth.inputs @ [*u, *v])[:, None], 0)
         exact = -np.linalg.solve(MASS, smooth.acting(u, v))
         np.testing.assert_allclose(smooth.push(MASS) @ jets[program.forces, 0], exact, rtol=1e-14)
 
@@ -309,9 +303,7 @@ def test_released_parameters_of_a_description():
     parametric = ParametricSystem.from_description(DESCRIPTION)
     smooth = parametric.smooth_forces({"n": 1.6}, ["n", "c"])
     program, _ = smooth.released_program()
-    jets = np.zeros((program.registers, 1))
-    jets[: len(smooth.inputs), 0] = smooth.inputs @ [*U[0], *V[0]]
-    extend_jets(program, jets, np.int64(0), 0.0)
+    jets = taylor(program, (smooth.inputs @ [*U[0], *V[0]])[:, None], 0)
     for column, (name, value) in enumerate((("n", 1.6), ("c", 0.3))):
         slope = np.zeros(len(program.forces))
         for row, other, register in program.changes:

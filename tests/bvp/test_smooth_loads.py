@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
-from bvp.kernels.forced import fly_loaded, set_parameters
 from bvp.parameters import ParametricSystem
 from tests.bvp.test_multipliers import nearest
+from tests.lab.problems import fly
 
 DUFFING = {
     "parameters": {"F": 0.3, "c": 0.1, "k": 1.0, "a": 1.0, "p": 3.0, "m": 1.0, "w": 1.2},
@@ -61,14 +61,6 @@ def flown(description, values, s, state, time):
     return solve_ivp(motion(description, values, s), (0.0, time), state, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
 
 
-def flight(problem, node, time):
-    size = len(node)
-    out, jacobian, rate = np.empty(size), np.empty((size, size)), np.empty(size)
-    set_parameters(problem.segment, np.array(node, float))
-    fly_loaded(problem.segment.flight, np.array(node, float), time, out, jacobian, rate)
-    return out, jacobian, rate
-
-
 @pytest.mark.parametrize(
     ("description", "state"), [(SHIFTED, [0.7, -0.3]), (PAIR, [0.7, -0.3, 0.2, 0.4])], ids=["one coordinate", "two coordinates"]
 )
@@ -80,13 +72,13 @@ def test_a_flight_and_its_derivatives(description, state):
     for name in parametric.names:
         problem = ForcedProblem(parametric, (), [name])
         node = np.array([*state, 0.15, parametric.values[name]])
-        out, jacobian, rate = flight(problem, node, 3.3)
+        out, jacobian, rate = fly(problem, node, 3.3)
         assert np.abs(out[:size] - end).max() < 1e-12  # what the other one is asked for
         assert np.abs(rate[:size] - motion(description, {}, 0.15)(3.3, out[:size])).max() < 1e-13
         assert abs(out[size] - 0.15 - 3.3 * parametric.values["w"] / (2.0 * math.pi)) < 1e-15
         for c in range(len(node)):
             steps = np.eye(len(node))[c] * np.array([[1e-3], [5e-4], [2.5e-4]])
-            first = [(flight(problem, node + h, 3.3)[0] - flight(problem, node - h, 3.3)[0]) / (2.0 * h[c]) for h in steps]
+            first = [(fly(problem, node + h, 3.3)[0] - fly(problem, node - h, 3.3)[0]) / (2.0 * h[c]) for h in steps]
             second = [(4.0 * first[1] - first[0]) / 3.0, (4.0 * first[2] - first[1]) / 3.0]
             assert np.abs((16.0 * second[1] - second[0]) / 15.0 - jacobian[:, c]).max() < 2e-11
 

@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import saltus
-from bvp.kernels.flight import flow_state
-from bvp.kernels.impact import HIT, NONE, next_hit, work_array
-from bvp.kernels.two_mode_hit import DECLINED, LEVELS, STEP, step_table, two_mode_hit
 from bvp.system import ImpactSystem, Stop
+from tests.lab.flights import LinearFlight
+from tests.lab.paths import LEVELS, STEP, ImpactStatus, hit_in_steps, next_hit, step_table
 
 HORIZON = 9.0
+HIT, NONE = ImpactStatus.HIT, ImpactStatus.NONE
 
 
 def one_sided():
@@ -28,17 +28,12 @@ def limits_of(system):
 
 
 def found_both_ways(system, z, contact, horizon=HORIZON):
-    """(status, contact, time) in fixed steps, and by the general search; the contact is -1 for none."""
-    modes = system.modes
-    side = modes.contacts.side
-    squares, left = np.ascontiguousarray(modes.squares), float(side[contact]) if contact >= 0 else 0.0
-    rotations = np.zeros(4)
-    status, hit, time = two_mode_hit(step_table(squares), squares, modes.contacts.gap, limits_of(system), z, left, horizon, rotations)
-    if status == HIT:
-        angles = np.sqrt(squares) * time
-        assert np.max(np.abs(rotations - np.column_stack([np.cos(angles), np.sin(angles)]).ravel())) < 1e-15 * (2.0 + np.max(angles))
-    mine = status, int(np.flatnonzero(side == hit)[0]) if status == HIT else -1, time
-    return mine, next_hit(modes.flight, modes.contacts, contact, z.copy(), horizon, work_array(4, len(side)), np.zeros(4))
+    """(status, contact, time) in fixed steps, and by the general search; status None: steps decline, contact -1: none."""
+    found = hit_in_steps(system, z, contact, horizon)
+    if found.status is HIT:
+        angles = np.sqrt(system.modes.squares) * found.time
+        assert np.max(np.abs(found.angles - np.column_stack([np.cos(angles), np.sin(angles)]).ravel())) < 1e-15 * (2.0 + np.max(angles))
+    return (found.status, found.contact, found.time), next_hit(system, z, contact, horizon)
 
 
 def random_start(system, rng):
@@ -65,13 +60,12 @@ def test_an_impact_is_that_of_the_general_search(seed):
         for _ in range(10):
             z, contact = random_start(system, rng)
             mine, general = found_both_ways(system, z, contact)
-            if mine[0] == DECLINED:
+            if mine[0] is None:
                 declined += 1
                 continue
             assert mine[:2] == general[:2]
-            if mine[0] == HIT:
-                state = np.zeros(4)
-                flow_state(system.modes.flight, z, mine[2], state)
+            if mine[0] is HIT:
+                state = LinearFlight(system).end(z, mine[2])
                 speed = abs(system.modes.contacts.rate[mine[1]] @ state)
                 assert abs(mine[2] - general[2]) < 1e-14 * (1.0 + np.abs(z).max() / speed) + 1e-15 * mine[2]
     assert declined < 10
@@ -87,13 +81,13 @@ def test_no_earlier_impact_is_passed_over(system):
     for _ in range(100):
         z, contact = random_start(system, rng)
         (status, hit, time), _ = found_both_ways(system, z, contact)
-        if status == DECLINED:
+        if status is None:
             continue
         rates, t = np.sqrt(squares), np.linspace(0.0, time, 400)[1:-1, None]
         w = (np.cos(rates * t) * z[:2] + np.sin(rates * t) * z[2:] / rates) @ gap[:2]
         rounding = 1e-13 * (1.0 + np.abs(z).max())
         assert np.all(w < high + rounding) and np.all(w > low - rounding)
-        if status == HIT:
+        if status is HIT:
             hits += 1
             with mp.workdps(50):
                 terms = []
@@ -117,7 +111,7 @@ def test_what_nearly_grazes_is_declined(above):
     assert 0 < peak < len(w) - 1
     largest = w[peak] + (w[peak + 1] - w[peak - 1]) ** 2 / (16.0 * w[peak] - 8.0 * (w[peak + 1] + w[peak - 1]))
     mine, general = found_both_ways(system, (1.0 + above) / largest * z, -1)
-    assert mine[0] == DECLINED and general[0] == (HIT if above > 0.0 else NONE)
+    assert mine[0] is None and general[0] is (HIT if above > 0.0 else NONE)
 
 
 def test_motion_that_reaches_no_stop():
@@ -129,7 +123,7 @@ def test_motion_that_reaches_no_stop():
     assert found_both_ways(system, z, -1)[0] == (NONE, -1, HORIZON)
     z[3] = 40.0
     (status, _, time), _ = found_both_ways(system, z, -1)
-    assert status == HIT and found_both_ways(system, z, -1, 0.9 * time)[0] == (NONE, -1, 0.9 * time)
+    assert status is HIT and found_both_ways(system, z, -1, 0.9 * time)[0] == (NONE, -1, 0.9 * time)
 
 
 def test_steps():

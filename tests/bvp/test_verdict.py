@@ -1,6 +1,5 @@
 """Verdicts on an interval of starts. Oracles: dense samples of the interval; straight lines past the origin; counts of impacts."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,23 +8,14 @@ import pytest
 import saltus
 from branches.search import intervals as scanning
 from branches.search.starts import curves
-from bvp.kernels.multipoint import ORIGIN
-from bvp.kernels.shooting import ACCELERATION, CLEARANCE, COLUMNS, CONTACT, DERIVATIVE, DURATION, RESIDUAL, SPEED, TIME, follow_impacts
-from bvp.kernels.verdict import CLOSED, ENDLESS, MARGIN, SKIMS, Sample, StartSearch, Tube, Visit, crossing, flight_verdict
+from tests.lab.limits import ENDLESS
+from tests.lab.starts import CLOSED, MARGIN, SKIMS, StartFlight, crossing, flight_verdict, follow
 
 LONGEST, MOST = 6.0, 5
 
 
-def record_of(curve, parameter):
-    record = np.full((MOST + 2, COLUMNS), np.nan)
-    return record, follow_impacts(curve.flow, parameter, LONGEST, math.inf, MOST, record, np.zeros((16, 16)))
-
-
-def search_of(curve, times, impacts, longest, most):
-    """A search that keeps no starts."""
-    return StartSearch(
-        curve.flow, times, impacts, False, longest, math.inf, most, np.empty((0, 0, COLUMNS)), np.empty(0, np.int64), np.zeros((16, 16))
-    )
+def flights_of(curve, parameter):
+    return follow(curve, parameter, LONGEST, MOST)
 
 
 @pytest.mark.parametrize("system", [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81)])
@@ -40,20 +30,17 @@ def test_starts_inside_a_closed_interval_have_the_same_impacts(system):
         for place, width in zip(rng.uniform(0.02, 0.93, 100), 10.0 ** rng.uniform(-3.5, -1.3, 100), strict=True):
             low, high = curve.low + np.array([place, place + width]) * (curve.high - curve.low)
             middle, r = 0.5 * (low + high), 0.5 * (high - low)
-            (a, of_a), (b, of_b), (m, of_m) = (record_of(curve, x) for x in (low, high, middle))
-            inside = [record_of(curve, x) for x in np.linspace(low, high, 24)[1:-1]]
+            samples = [flights_of(curve, x) for x in (low, high, middle)]
+            inside = [flights_of(curve, x) for x in np.linspace(low, high, 24)[1:-1]]
             for k in range(MOST):
-                search = search_of(curve, times, impacts, LONGEST, MOST)
-                samples = Sample(a, of_a, 1.0), Sample(b, of_b, 1.0), Sample(m, of_m, 1.0)
-                verdict = flight_verdict(search, k, *samples, r, 4.5e-16, np.empty((3, 8)), np.zeros(3, np.int64))
-                if verdict != CLOSED:
+                if flight_verdict(curve, k, *samples, r, times, impacts, LONGEST, MOST) != CLOSED:
                     break
-                horizon = LONGEST - min(x[k, TIME] for x in (a, b, m))
-                hits = {x[k, CONTACT] for x in (a, b, m) if x[k, DURATION] <= horizon} or {None}
+                horizon = LONGEST - min(flights[k].time for flights in samples)
+                hits = {flights[k].contact for flights in samples if flights[k].duration <= horizon} or {None}
                 assert len(hits) == 1
-                for record, rows in inside:
-                    assert rows > k
-                    assert hits == {record[k, CONTACT]} or (record[k, DURATION] > horizon - 1e-9 and None in hits)
+                for flights in inside:
+                    assert len(flights) > k
+                    assert hits == {flights[k].contact} or (flights[k].duration > horizon - 1e-9 and None in hits)
                 closed += 1
     assert closed > 75
 
@@ -64,13 +51,11 @@ def test_a_straight_path_past_the_origin(angle, distance, tube, expected):
     """Free motion u = d n + v (t - 1), moved by n x over |x| <= r = 0.01: it can meet the origin only where d is below r, a margin of 1.2
     added; a tube as wide as the derivative itself decides nothing."""
     (curve,) = curves(saltus.vibro_impact_nes(), "origin", 1.0)
-    flow = curve.flow._replace(squares=np.zeros(2))
     speed = np.array([np.cos(angle), np.sin(angle)])
     normal = np.array([-speed[1], speed[0]])
-    row = np.zeros(COLUMNS)
-    row[:4] = np.concatenate([distance * normal - speed, speed])
+    state = np.concatenate([distance * normal - speed, speed])
     along = np.concatenate([normal, np.zeros(2)])
-    verdict, time = crossing(flow, ORIGIN, Tube(row, along, 0.01, tube), Visit(0.5, 1.5, 0.9), np.empty(4), np.empty(4))
+    verdict, time = crossing(curve, "origin", state, along, 0.01, tube, (0.5, 1.5, 0.9))
     assert verdict == expected and abs(time - 1.0) < 1e-12
 
 
@@ -79,16 +64,12 @@ def width_of(curve, along, window, r=1e-3, acceleration=2.0):
     `along` (4,): from the slowest speed of the next impact, against an acceleration, that it does not take for one that may be skimmed."""
 
     def verdict(speed):
-        records = np.zeros((3, 2, COLUMNS))
-        for record in records:
-            row = record[1]
-            row[:4], row[DERIVATIVE : DERIVATIVE + 4] = (0.3, -0.2, 0.9, 0.4), along
-            row[TIME], row[DURATION], row[CONTACT], row[CLEARANCE] = 1.0, window, 0.0, np.inf
-            row[SPEED], row[ACCELERATION], row[RESIDUAL] = speed, acceleration, 1e6
+        flight = StartFlight(
+            state=(0.3, -0.2, 0.9, 0.4), state_rate=along, time=1.0, duration=window, contact=0.0, clearance=np.inf, speed=speed,
+            acceleration=acceleration, residual=1e6,
+        )  # fmt: skip
         times, impacts = np.array([-1.0, -1.0, 2.0 + window, -1.0]), np.array([1, 1, 1, -1, 0])
-        samples = (Sample(record, 2, 1.0) for record in records)
-        search = search_of(curve, times, impacts, 2.0 + window, 1)
-        return flight_verdict(search, 1, *samples, r, 4.5e-16, np.empty((3, 8)), np.zeros(3, np.int64))
+        return flight_verdict(curve, 1, *([StartFlight(), flight] for _ in range(3)), r, times, impacts, 2.0 + window, 1)
 
     low, high = 1e-12, 10.0
     assert verdict(low) == SKIMS and verdict(high) == CLOSED

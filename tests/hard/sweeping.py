@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.system import ImpactSystem, Stop
-from tests.bvp.searches import ImpactStatus, next_impact
 from tests.hard.integers import BITS, Integers, as_float, first_event
+from tests.lab.limits import CONTACT_TOLERANCE
+from tests.lab.paths import ImpactStatus, next_impact
 
 HORIZON = 5.0
 PIECES = 12

@@ -19,9 +19,9 @@ from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.test_grazing import met
 from tests.bvp.high_precision import Exact, dot, flow
 from tests.bvp.orbits import backbone_segment
-from tests.bvp.searches import ImpactStatus, next_impact
 from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed, relative, root
+from tests.lab.paths import ImpactStatus, next_impact
 
 SYSTEM = vibro_impact_nes()
 DIGITS_60 = "60-digit solution of the same equations"

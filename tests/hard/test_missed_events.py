@@ -10,10 +10,10 @@ from bvp.forcing import Constant
 from bvp.motion import EventKind
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop
-from tests.bvp.searches import ImpactStatus, next_impact
 from tests.hard import sweeping
 from tests.hard.cases import hard, largest
 from tests.hard.sweeping import Exponentials, Verdicts, random_cases
+from tests.lab.paths import ImpactStatus, next_impact
 
 SOURCE = "each decided by a bound in doubles, or in integers of 500 bits (tests/hard/sweeping.py)"
 

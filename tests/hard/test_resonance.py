@@ -11,9 +11,9 @@ from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment
-from tests.bvp.searches import ImpactStatus, next_impact
 from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed, relative
+from tests.lab.paths import ImpactStatus, next_impact
 
 CLOSED_FORM = "closed form in 50 digits, modes and all"
 WHAT = "velocities at the origin, energy, trace of the multipliers, relative"

@@ -10,7 +10,6 @@ from benchmarks.saltation import monodromy, saltation, saltation_matrix
 from bvp.closures import cycle_of
 from bvp.kernels import contact_mode as restitution
 from bvp.kernels import pencil as pencils
-from bvp.kernels.flight import flow_matrix
 from bvp.multipliers import saddle_point_multipliers, scaled_nodes
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment
@@ -18,6 +17,7 @@ from tests.bvp.test_multipliers import attracting_cycle
 from tests.hard.cases import hard
 from tests.hard.digits import Closed
 from tests.hard.mutants import mutants
+from tests.lab.flights import LinearFlight
 
 
 def oscillator(ratio):
@@ -27,10 +27,7 @@ def oscillator(ratio):
 
 def flight(system, t):
     """exp(A t) in (x, x')."""
-    modes = system.modes
-    flow = np.empty((2, 2))
-    flow_matrix(modes.flight, t, flow)
-    return modes.to_state @ flow @ modes.from_state
+    return system.modes.to_state @ LinearFlight(system).map(t) @ system.modes.from_state
 
 
 def switched_multiplier(jump):

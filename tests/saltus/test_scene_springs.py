@@ -17,13 +17,12 @@ from hypothesis import strategies as st
 from scipy import io, sparse
 from scipy.integrate import solve_ivp
 
-from bvp.kernels.taylor import fly_smooth
-from bvp.smooth_flights import smooth_flight
 from saltus import load_scene
 from saltus.errors import BadInput
 from saltus.scene import SHIPPED
 from saltus.scene.matrices import MOST, with_matrices
 from saltus.scene.model import explain_search
+from tests.lab.flights import SmoothFlight
 from tests.saltus.running import refused, run
 
 SCENE = """
@@ -150,9 +149,7 @@ def test_a_flight_is_that_of_another_integrator(tmp_path, name, time):
         return np.concatenate([z[n:], -np.linalg.solve(system.mass, force)])
 
     other = solve_ivp(rate, (0.0, time), state, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
-    flight = smooth_flight(system, 1)
-    assert fly_smooth(flight, 0, system.modes.from_state @ state, time, True)
-    found = system.modes.to_state @ flight.paths.ends[0]
+    found = system.modes.to_state @ SmoothFlight.of(system).end(system.modes.from_state @ state, time).state
     assert np.abs(found - other).max() < 1e-11 * np.abs(other).max()
     assert abs(system.energy(found[:n], found[n:]) / system.energy(state[:n], state[n:]) - 1.0) < 1e-14
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bvp.closures import Cycle
-from bvp.kernels.flight import flow_state
 from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced
+from tests.lab.flights import LinearFlight
 from transitions.section.plane import SectionPlane
 from transitions.section.rotation import FixedPoint, about_point, fixed_points, return_map, rotations
 from transitions.section.section import follow_crossings, section
@@ -130,7 +130,7 @@ def test_images_are_those_of_the_motion_itself():
     after = np.random.default_rng(7).normal(size=(3, 4))  # u2 keeps its sign from each flight to the next, so that none crosses between
     before = np.empty_like(after)
     for i, duration in enumerate(durations):
-        flow_state(modes.flight, after[i], duration, before[i])
+        before[i] = LinearFlight(system).end(after[i], duration)
     contact = np.full(3, -1)
     plane = SectionPlane(system, 0.3)
     backwards = (modes.from_state @ np.diag([1.0, 1.0, -1.0, -1.0]) @ modes.to_state).T

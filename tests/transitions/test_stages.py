@@ -14,11 +14,11 @@ import saltus
 from benchmarks import backbone
 from branches.catalogue import Catalogue
 from tests.branches.traced import traced
+from tests.lab.functions import link
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import NEAR, FamilyHarmonics, Meeting, families_of, harmonics
 from transitions.following import Around, Match, family_intervals, partner, steady, unlike
 from transitions.frequencies import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
-from transitions.kernels import Maxima, link
 from transitions.spectrum import Wavelet, morlet_spectrum
 from transitions.stage import Follows, Stage, StartFamily, _impacts_from, changes, leaving, stages_as_data
 from transitions.stages import stages_of, why_another
@@ -534,8 +534,7 @@ def test_maxima_are_linked_to_their_nearest():
     """Oracle: by hand: two that go on, one that is nobody's nearest, and one that is lost for a column."""
     columns, bounds = np.array([0, 0, 1, 1, 1, 2, 3, 3]), np.array([0, 2, 5, 6, 8])
     level = np.array([0.0, 1.0, 0.01, 0.5, 0.98, 1.0, 0.02, 1.01])
-    following, opened = np.empty((2, 8), dtype=np.int64)
-    link(Maxima(columns, level, bounds, np.full(8, 0.05)), 0.05, 0.25, 1.0, following, np.empty(8, dtype=np.bool_), opened)
+    following = link(columns, level, bounds, reach=np.full(8, 0.05), spacing=0.05, drift=0.25, step=1.0)
     assert following.tolist() == [2, 4, 6, -1, 5, 7, -1, -1]
 
 

@@ -1,0 +1,63 @@
+"""Test functions of families, the search for events between samples, and links between spectral maxima."""
+
+import math
+
+import numpy as np
+
+from branches.kernels.brackets import scan_tests
+from branches.kernels.functions import COMMON, TANGENT_NOISE, common_tests, two_dof_tests
+from bvp.closures import KINDS
+from bvp.multipoint import RESULT_INDEX
+from continuation.resolution import Sampled
+from transitions.kernels import Maxima
+from transitions.kernels import link as _link
+
+__all__ = ["half_map_tests", "link", "scan", "tests_of_bounds"]
+
+
+def _made_up(**entries):
+    result = np.zeros(len(RESULT_INDEX))
+    for name, value in entries.items():
+        result[RESULT_INDEX[name]] = value
+    return result
+
+
+def half_map_tests(phi, speeds, ends, quarters, targets):
+    """Return the test functions beside the common ones of an orbit with two degrees of freedom: the entries of its half map phi times the
+    product of its impacts' speeds, then the distances of the trace from the targets, times its square. quarters: 1 where a quarter period
+    is solved, which has the trace of the half period before the targets; else 2."""
+    (a, b), (c, d) = phi
+    result = _made_up(a=a, b=b, c=c, d=d, speeds=speeds, branching=0.1)
+    first = 3 + (quarters == 1)
+    out = np.zeros(COMMON + first + len(targets))
+    two_dof_tests(result, (0, 0, quarters, *(KINDS[end] for end in ends), 0), targets, out)
+    return out[COMMON:]
+
+
+def tests_of_bounds(h, alpha, energy=(0.0, math.inf), longest=math.inf):
+    """Return the three functions that vanish where a family leaves a range of energies or reaches the longest quarter period."""
+    out = np.zeros(COMMON)
+    low, high, longest = (math.log(value) if value else -math.inf for value in (*energy, longest))
+    common_tests(_made_up(energy=h, quarter_period=alpha), low, high, longest, TANGENT_NOISE, out)
+    return out[5:8]
+
+
+def scan(places, rows, zones, hidden, limit, guard, floor=1e-9):
+    """Return the brackets of events between samples, as `continuation.resolution` looks for them.
+
+    places (N,), rows (N, M) : where the test functions were sampled, and their values
+    zones (Z, 2), hidden (Z, M) : intervals in which functions are not looked at
+    """
+    tests = np.shape(rows)[1]
+    zone = np.array(zones).reshape(-1, 2), np.array(hidden).reshape(-1, tests)
+    room = np.empty((tests, 4, 4)), np.zeros(tests, dtype=np.int64), *np.empty((3, len(places))), np.empty(4, dtype=np.int64)
+    sampled = Sampled(np.array(places), np.array(rows), *zone, *room)
+    return scan_tests(sampled, np.arange(tests), 0, limit, int(guard), floor)
+
+
+def link(columns, level, bounds, reach, spacing, drift, step):
+    """Return for each spectral maximum the index of the one that follows it, -1 for none (`transitions.stages`)."""
+    count = len(columns)
+    following, opened = np.empty((2, count), dtype=np.int64)
+    _link(Maxima(columns, level, bounds, reach), spacing, drift, step, following, np.empty(count, dtype=np.bool_), opened)
+    return following

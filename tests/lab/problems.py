@@ -1,0 +1,102 @@
+"""The equations of orbits, beside what the problems of the package hand out themselves."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.closures import KINDS
+from bvp.kernels import multipoint, newton, step
+from bvp.kernels.forced import set_parameters
+from bvp.kernels.loaded_paths import forced_observe
+from bvp.kernels.stability import half_map as _half_map
+from bvp.kernels.stability import make_half_map
+from bvp.kernels.stability import section_basis as _section_basis
+from bvp.kernels.summed_chatter import sum_chatter
+from bvp.multipoint import RESULT_INDEX
+
+__all__ = ["Arclength", "ChatterEnd", "chatter_end", "clearance_under_loads", "fly", "half_map", "null_vector", "section_basis"]
+
+
+def null_vector(problem, y):
+    """Return the vector t with F'(y) t = 0 from the factors of the Jacobian; y need not be a solution."""
+    factor, residual = multipoint.make_factor(problem.segment), np.zeros(problem.unknowns - 1)
+    multipoint.evaluate(problem.segment, y, factor.before, factor.flights, np.zeros(problem.size), residual)
+    displacement, velocity, _ = newton.set_scale(problem.segment, y, factor)
+    multipoint.fill(problem.segment, y, factor)
+    newton.factorise(problem.segment, y, factor, displacement, velocity)
+    null = np.zeros(problem.unknowns)
+    newton.null_vector(problem.segment, factor, null)
+    return null
+
+
+class Arclength:
+    """The coordinates in which arclength is measured, at the unknowns y of a problem.
+
+    position : (m,)
+    value, period : float
+        The energy and the quarter period; of a problem in parameters the first two numbers that the core keeps beside the position.
+    """
+
+    def __init__(self, problem, y, entries):
+        self._segment, self._y, self.position = problem.segment, y, np.empty(entries)
+        self.value, self.period = step.locate(problem.segment, y, self.position)
+
+    def row(self, direction):
+        """Return the row r with r . dy = <direction, change of the position along dy>."""
+        row = np.empty(len(self._y))
+        step.constraint_row(self._segment, self._y, self.value, self.period, self.position, direction, row)
+        return row
+
+    def change(self, tangent):
+        """Return the change of the position along a tangent, its length, and the change of the value."""
+        out = np.empty(len(self.position))
+        slope, length = step.metric_direction(self._segment, self._y, self.position, self.value, self.period, tangent, out)
+        return out, length, slope
+
+
+def half_map(problem, solution):
+    """Return phi (2 m, 2 m) between the ends, from flights and impacts for any degrees of freedom, and the largest factor by which an
+    impact magnifies rounding."""
+    work = make_half_map(problem.held)
+    magnified = _half_map(problem.segment, solution.y, solution.ends, work.held, work.rows, work.square, work.small, work.phi)
+    return work.phi, magnified
+
+
+def section_basis(problem, end, z):
+    """Return the orthonormal rows (n - 1, n) across the motion at an end "origin", "rest" or "stop" with the modal state z."""
+    n = len(z) // 2
+    basis = np.empty((n - 1, n))
+    _section_basis(problem.segment, 0, KINDS[end], z, np.eye(n), np.empty((2, n)), basis)
+    return basis
+
+
+def fly(problem, node, time):
+    """Return the end of a flight of a forced problem from a node (N,), its derivatives by the node (N, N), and its rate (N,)."""
+    set_parameters(problem.segment, np.array(node, float))
+    return problem.flown(np.array(node, float), float(time), 0)
+
+
+def clearance_under_loads(problem, y):
+    """Return the smallest distance from a stop along an orbit of a forced problem; y need not be a solution."""
+    problem.residual(y)
+    result = np.full(len(RESULT_INDEX), np.nan)
+    forced_observe(problem.segment, problem._watched, np.array(y), problem._factor.before.copy(), problem._nothing, result)
+    assert result[RESULT_INDEX["gave_up"]] == 0.0
+    return result[RESULT_INDEX["clearance"]]
+
+
+class ChatterEnd(NamedTuple):
+    """The end of infinitely many bounces: node (N,), derivatives by the node at their begin (N, N), and an error estimate."""
+
+    node: np.ndarray
+    derivatives: np.ndarray
+    error: float
+
+
+def chatter_end(problem, impact, before):
+    """Return where the chatter of a forced problem ends that begins with an impact, from the node before it."""
+    after = np.empty(len(before))
+    set_parameters(problem.segment, before)
+    sum_chatter(problem.segment, impact, before, after)
+    chatter = problem.segment.sticking.chatter
+    return ChatterEnd(after, chatter.slope[impact].copy(), float(chatter.error[impact]))
