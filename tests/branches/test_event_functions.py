@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from branches.family import RESONANCES, multiplication
-from tests.lab.functions import half_map_tests, tests_of_bounds
+from tests.lab.functions import distances_from_bounds, half_map_tests
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]
 HALF_TARGETS = [sign * math.cos(math.pi * p / q) for p, q in RESONANCES for sign in (2.0, -2.0)]
@@ -39,7 +39,7 @@ def test_traces_are_those_of_the_return_map(seed):
 def test_bounds_are_left_where_they_are_passed():
     """The guards of the bounds are positive inside and vanish at them; without a bound they stay positive."""
     for h, alpha, signs in ((1.0, 3.0, (1, 1, 1)), (0.1, 3.0, (-1, 1, 1)), (9.0, 3.0, (1, -1, 1)), (1.0, 6.0, (1, 1, -1))):
-        found = tests_of_bounds(h, alpha, energy=(0.2, 8.0), longest=5.0)
+        found = distances_from_bounds(h, alpha, energy=(0.2, 8.0), longest=5.0)
         np.testing.assert_allclose(found, [math.log(h / 0.2), math.log(8.0 / h), math.log(5.0 / alpha)], rtol=0, atol=1e-14)
         assert tuple(np.sign(found)) == signs
-        assert (tests_of_bounds(h, alpha) > 0.0).all()
+        assert (distances_from_bounds(h, alpha) > 0.0).all()

@@ -12,7 +12,7 @@ from continuation.resolution import Sampled
 from transitions.kernels import Maxima
 from transitions.kernels import link as _link
 
-__all__ = ["half_map_tests", "link", "scan", "tests_of_bounds"]
+__all__ = ["half_map_tests", "link", "scan", "distances_from_bounds"]
 
 
 def _made_up(**entries):
@@ -34,7 +34,7 @@ def half_map_tests(phi, speeds, ends, quarters, targets):
     return out[COMMON:]
 
 
-def tests_of_bounds(h, alpha, energy=(0.0, math.inf), longest=math.inf):
+def distances_from_bounds(h, alpha, energy=(0.0, math.inf), longest=math.inf):
     """Return the three functions that vanish where a family leaves a range of energies or reaches the longest quarter period."""
     out = np.zeros(COMMON)
     low, high, longest = (math.log(value) if value else -math.inf for value in (*energy, longest))
