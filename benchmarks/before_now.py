@@ -30,63 +30,11 @@ steps. It also loaded the compiler at every start."""
 
 _ROOT = Path(__file__).resolve().parents[1]
 
-_POINTS = """
-import json, time
-import numpy as np
-from benchmarks.backbone import origin_velocity
-from benchmarks.peers import auto
-from benchmarks.peers.auto_files import AutoSettings
-from benchmarks.speed_error.exact import EXACT
-from benchmarks.speed_error.methods import OWN_SHORT, SHORT_STEP
-from benchmarks.speed_error.tasks import OUT_OF_PHASE
-from branches.family import Family
-from bvp import multipliers
-from bvp.closures import Cycle, cycle_of
-from bvp.multipoint import MultipointProblem
-from bvp.system import ImpactSystem, Stop
+_FIGURES = Path(__file__).with_name("figures.py").read_text(encoding="utf-8")
+"""Program of the figures in microseconds. Each side runs this checkout's text with its own modules."""
 
-route = getattr(multipliers, "floquet_multipliers", multipliers.saddle_point_multipliers)
-
-
-def least(function, seconds=1.0):
-    function()
-    best, began = float("inf"), time.process_time()
-    while time.process_time() - began < seconds:
-        start = time.perf_counter()
-        for _ in range(20):
-            function()
-        best = min(best, (time.perf_counter() - start) / 20)
-    return best
-
-
-found = {}
-for n, alpha in ((2, 1.7), (3, 1.3), (5, 1.2), (12, 1.05)):
-    stiffness = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-    gap = np.eye(n)[0]
-    system = ImpactSystem(np.diag(np.linspace(1.0, 0.5, n)), np.zeros((n, n)), stiffness, (Stop(tuple(gap), -1.0, 1.0),))
-    problem = MultipointProblem(system, ("origin", "stop+"), ())
-    start = problem.modes.from_state @ np.concatenate([np.zeros(n), origin_velocity(system, alpha)])
-    point = problem.solve(problem.pack(start, [], [alpha]), quarter_period=alpha)
-    family = Family(problem)
-    step = family.begin(point.y)
-    found[f"point {n}"] = least(lambda: family.step(step.y, step.tangent, 1e-4))
-    cycle = cycle_of(problem, point.y)
-    for impacts in (2, 64):
-        k = impacts // len(cycle.contact)
-        before, after = np.tile(cycle.before, (k, 1)), np.tile(cycle.after, (k, 1))
-        one = Cycle(system, before, after, np.tile(cycle.duration, k), np.tile(cycle.contact, k), 0.0)
-        found[f"multipliers {n} {impacts}"] = least(lambda: route(one))
-straight = next(method for method in EXACT if method.name == OWN_SHORT).prepare(OUT_OF_PHASE, None)
-found[OUT_OF_PHASE.title] = min(straight.measured().seconds for _ in range(3))
-if auto.missing() is None:
-    with auto.Auto() as program:
-        # With one interval, some versions of AUTO abort. Its points take so little that processor time needs many of them.
-        orbit, settings = (OUT_OF_PHASE.problem, OUT_OF_PHASE.unknowns()), AutoSettings(intervals=2, step=SHORT_STEP)
-        time = program.time_a_point(*orbit, settings, short=auto.SHORT, long=12 * auto.LONG)
-    if time.processor.value > time.processor.scatter:
-        found[OUT_OF_PHASE.title + ", AUTO-07p"] = time.processor.value
-print(json.dumps(found))
-"""
+_SECONDS = 1.0
+"""Processor time for each of them."""
 
 _MEMORY = """
 import resource, subprocess, sys
@@ -115,6 +63,7 @@ class Side:
     name: str
     folder: Path
     python: Path  # its interpreter
+    installing: float = 0.0  # seconds of the clock for its environment and the installation
 
     def call(self, words: Sequence[str | Path], cache: Path, python: Path | None = None, codes: Sequence[int] = (DONE,)) -> str:
         """Run an interpreter, by default its own, in its folder. Returns the standard output. codes: exit codes that are no failure."""
@@ -144,12 +93,19 @@ def _made(name: str, commit: str, place: Path) -> Side:
         subprocess.run(["git", "checkout", "--quiet", commit], cwd=side.folder, check=True, capture_output=True, text=True)
     except (OSError, subprocess.CalledProcessError) as error:
         raise BadInput(f"cannot take commit {commit} from {_ROOT}: the benchmark needs git, and a checkout with its history") from error
+    began = time.perf_counter()
     subprocess.run([sys.executable, "-m", "venv", ".venv"], cwd=side.folder, check=True)
+    subprocess.run([side.python, "-m", "pip", "install", "--quiet", "."], cwd=side.folder, check=True)
+    side.installing = time.perf_counter() - began
     subprocess.run([side.python, "-m", "pip", "install", "--quiet", ".[test]", "build"], cwd=side.folder, check=True)
     return side
 
 
 _CONTINUE = ("-m", "saltus", "continue", "S13O00+")
+_PICTURE = (*_CONTINUE, "--plot", "first.png")
+_SADDLE = ("-m", "saltus", "continue", "S11-", "--json", "S11.json")
+_CURVE = ("-m", "saltus", "curve", "S11.json:SN1", "--in", "energy,mu", "--range", "0.01:10,0.02:1", "--json", "fold.json")
+_RESPONSE = ("-m", "saltus", "continue", "--scene", "absorber", "--from", "simulate", "--in", "w", "--range", "0.7:2.2", "--plot", "r.png")
 _SECTION = ("-m", "saltus", "section", "--energy", "0.3", "--orbits", "3", "--crossings", "20")
 _RUN = ("-m", "saltus", "run", "--on", "S13+", "--energy", "10", "--rho", "0.7", "--lam", "0.01", "--duration", "20")
 _BUILD = ("-m", "saltus", "build", "--catalogue", "built.sqlite", "--workers", "2")
@@ -168,34 +124,57 @@ def _first(*commands: Sequence[str]) -> Callable[[Side, Path], float]:
     return measure
 
 
-def _warm(words: Sequence[str], repeats: int = 7) -> Callable[[Side, Path], float]:
+def _warm(words: Sequence[str], repeats: int = 7, wall: bool = False) -> Callable[[Side, Path], float]:
     """Measure a command with everything on disk: the least of a few processes."""
 
     def measure(side: Side, cache: Path) -> float:
         side.processor(words, cache)
-        return min(side.processor(words, cache) for _ in range(repeats))
+        return min(side.processor(words, cache, wall) for _ in range(repeats))
 
     return measure
+
+
+def _source(side: Side) -> list[Path]:
+    """The files of the numerical package, in any language."""
+    return [file for file in (side.folder / "bvp").rglob("*") if file.suffix in (".py", ".hpp", ".cpp")]
+
+
+def _lines(side: Side, cache: Path) -> float:
+    return sum(len(file.read_text(encoding="utf-8").splitlines()) for file in _source(side))
 
 
 ROWS: dict[str, tuple[str, Callable[[Side, Path], float]]] = {
     "first continue S13O00+": ("s, wall", _first(_CONTINUE)),
     "first section after it": ("s, wall", _first(_CONTINUE, _SECTION)),
     "first run after it": ("s, wall", _first(_CONTINUE, _RUN)),
+    "first response after it": ("s, wall", _first(_CONTINUE, _RESPONSE)),
+    "first curve after a continue": ("s, wall", _first(_SADDLE, _CURVE)),
     "warm continue S13O00+": ("s, processor", _warm(_CONTINUE)),
+    "warm continue S13O00+, wall": ("s, wall", _warm(_CONTINUE, wall=True)),
+    "warm continue S13O00+ --plot, wall": ("s, wall", _warm(_PICTURE, wall=True)),
+    "environment and installation": ("s, wall", lambda side, cache: side.installing),
+    "first continue S13O00+ --plot": ("s, wall", _first(_PICTURE)),
+    "lines of bvp": ("lines", _lines),
+    "files of bvp": ("files", lambda side, cache: len(_source(side))),
 }
 
 
-def _from_a_wheel(side: Side, cache: Path) -> float:
-    """The first `continue` in a new environment with a wheel of the side, as `python -m build` makes it."""
-    side.call(["-m", "build"], cache)
-    shutil.rmtree(cache, ignore_errors=True)
-    wheel = next((side.folder / "dist").glob("*.whl"))
-    with tempfile.TemporaryDirectory(prefix="saltus-wheel-") as place:
-        subprocess.run([sys.executable, "-m", "venv", place], check=True)
-        other = Side(side.name, Path(place), Path(place) / "bin/python")
-        other.call(["-m", "pip", "install", "--quiet", wheel], cache)
-        return other.processor(_CONTINUE, cache, wall=True)
+def _from_a_wheel(*commands: Sequence[str]) -> Callable[[Side, Path], float]:
+    """Measure the last of the first commands in a new environment with a wheel of the side, as `python -m build` makes it."""
+
+    def measure(side: Side, cache: Path) -> float:
+        side.call(["-m", "build"], cache)
+        shutil.rmtree(cache, ignore_errors=True)
+        wheel = next((side.folder / "dist").glob("*.whl"))
+        with tempfile.TemporaryDirectory(prefix="saltus-wheel-") as place:
+            subprocess.run([sys.executable, "-m", "venv", place], check=True)
+            other = Side(side.name, Path(place), Path(place) / "bin/python")
+            other.call(["-m", "pip", "install", "--quiet", wheel], cache)
+            for words in commands[:-1]:
+                other.processor(words, cache)
+            return other.processor(commands[-1], cache, wall=True)
+
+    return measure
 
 
 def _tests(side: Side, cache: Path) -> float:
@@ -222,16 +201,14 @@ def _memory(count: int) -> Callable[[Side, Path], float]:
 
 
 LONG: dict[str, tuple[str, Callable[[Side, Path], float]]] = {
-    "first continue S13O00+ from a wheel": ("s, wall", _from_a_wheel),
+    "first continue S13O00+ from a wheel": ("s, wall", _from_a_wheel(_CONTINUE)),
+    "first curve from a wheel": ("s, wall", _from_a_wheel(_SADDLE, _CURVE)),
     "build, shipped scene, two workers": ("s, wall", _build),
     "test command after installing": ("s, wall", _tests),
     "study of 10,000 runs": ("MB", _memory(100)),
     "study of 1,000,000 runs": ("MB", _memory(1000)),
 }
 """What takes minutes."""
-
-
-_POINTS_ROW = "points and multipliers"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -264,14 +241,12 @@ def run(arguments: argparse.Namespace) -> int:
                 except subprocess.CalledProcessError as error:  # a row without a figure must not cost the others
                     said = (error.stderr or error.stdout or "nothing").strip().splitlines()[-1]
                     notes.append(f"Not measured: {name}. A process ended with code {error.returncode} and said: {said}")
-            if arguments.only not in _POINTS_ROW:
-                continue
-            progress(_POINTS_ROW)
-            points = [_points(side, place / f"cache-{side.name}") for side in sides]
-            if not any("AUTO" in name for name in points[0]):
-                progress("AUTO-07p is not measured: it is not installed")
-            for name in points[0]:
-                _note(least, name, [1e6 * seconds[name] for seconds in points])
+            progress("points, multipliers and impacts")
+            points = [_points(side, place / f"cache-{side.name}", arguments.only) for side in sides]
+            for side, (_, failed) in zip(sides, points, strict=True):
+                notes += [f"Not measured {side.name}: {name}. {reason}" for name, reason in failed.items()]
+            for name in points[0][0].keys() & points[1][0].keys():
+                _note(least, name, [1e6 * found[name] for found, _ in points])
                 units[name] = "us"
     rows = [[name, units[name], number(before), number(now), number(before / now)] for name, (before, now) in least.items()]
     show(Table("Before and now", ["what", "unit", "before", "now", "times as fast"], rows, notes))
@@ -282,7 +257,7 @@ def _note(least: dict[str, list[float]], name: str, values: list[float]) -> None
     least[name] = [min(pair) for pair in zip(values, least.get(name, values), strict=True)]
 
 
-def _points(side: Side, cache: Path) -> dict[str, float]:
-    """Seconds of one point with everything on, and of its multipliers, by degrees of freedom and impacts."""
-    found: dict[str, float] = json.loads(side.call(["-c", _POINTS], cache).splitlines()[-1])
-    return found
+def _points(side: Side, cache: Path, only: str) -> tuple[dict[str, float], dict[str, str]]:
+    """Seconds of the figures whose names contain a text, and why others have none."""
+    found, failed = json.loads(side.call(["-c", _FIGURES, str(_SECONDS), only], cache).splitlines()[-1])
+    return found, failed

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import before_now
+from benchmarks import before_now, figures
 from benchmarks.__main__ import main
 from bvp.kernels.stored import cache_root
 
@@ -56,12 +56,31 @@ def test_the_memory_is_that_of_the_study(tmp_path):
 def test_the_table_has_a_row_for_each_figure(monkeypatch, capsys):
     """Oracle: the ratios by hand."""
     monkeypatch.setattr(before_now, "_made", lambda name, commit, place: before_now.Side(name, place, place))
-    monkeypatch.setattr(before_now, "_points", lambda side, cache: {"point 3": 4e-6 if side.name == "before" else 1e-6})
+    monkeypatch.setattr(before_now, "_points", lambda side, cache, only: ({"point 3": 4e-6 if side.name == "before" else 1e-6}, {}))
     monkeypatch.setattr(before_now, "ROWS", {"a run": ("s", lambda side, cache: 6.0 if side.name == "before" else 2.0)})
     assert main(["before-now", "--rounds", "2"]) == 0
     out = capsys.readouterr().out
     rows = {line.strip().split("  ")[0]: line.split()[-3:] for line in out.splitlines() if line.lstrip().startswith(("a run", "point 3"))}
     assert rows == {"a run": ["6", "2", "3"], "point 3": ["4", "1", "4"]}
+
+
+def test_a_figure_that_fails_does_not_cost_the_others(monkeypatch):
+    """Oracle: the figures by hand; one without a number has none."""
+
+    def fails(seconds):
+        raise ImportError("no module named kernels")
+
+    monkeypatch.setattr(figures, "FIGURES", {"a": (lambda seconds, k: k * seconds, 3), "b": (fails,), "c": (lambda seconds: None,)})
+    assert figures.measured(2.0, ["a", "b", "c"]) == ({"a": 6.0}, {"b": "ImportError: no module named kernels"})
+
+
+def test_the_source_is_counted_in_any_language(tmp_path):
+    """Oracle: by hand."""
+    (tmp_path / "bvp/core").mkdir(parents=True)
+    for name, lines in {"bvp/a.py": 3, "bvp/core/b.hpp": 2, "bvp/core/c.cpp": 5, "bvp/notes.md": 7, "other.py": 11}.items():
+        (tmp_path / name).write_text("x\n" * lines, encoding="utf-8")
+    side = before_now.Side("now", tmp_path, Path(sys.executable))
+    assert before_now._lines(side, tmp_path) == 10 and len(before_now._source(side)) == 3
 
 
 def test_a_row_that_fails_does_not_cost_the_others(monkeypatch, capsys):
@@ -71,11 +90,13 @@ def test_a_row_that_fails_does_not_cost_the_others(monkeypatch, capsys):
         raise subprocess.CalledProcessError(1, ["saltus"], stderr="first\nno room on the disk\n")
 
     monkeypatch.setattr(before_now, "_made", lambda name, commit, place: before_now.Side(name, place, place))
+    monkeypatch.setattr(before_now, "_points", lambda side, cache, only: ({}, {"point 3": "no such name"} if side.name == "now" else {}))
     rows = {"a run": ("s", lambda side, cache: 6.0), "a build": ("s", fails), "other": ("s", lambda side, cache: 1.0)}
     monkeypatch.setattr(before_now, "ROWS", rows)
     assert main(["before-now", "--only", "a "]) == 0
     out = capsys.readouterr().out
-    assert "a run" in out and "other" not in out and "point" not in out
+    assert "a run" in out and "other" not in out
+    assert "Not measured now: point 3. no such name" in " ".join(out.split())
     assert "Not measured: a build. A process ended with code 1 and said: no room on the disk" in " ".join(out.split())
 
 

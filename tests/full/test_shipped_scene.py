@@ -13,6 +13,7 @@ from branches.naming.search import search_bounds
 from saltus.__main__ import main
 from tests.branches.building.agreement import Families, decided_stability
 from tests.branches.building.meetings import unanswered
+from tests.full.frozen import read, record, unlike
 
 SCENE = saltus.load_scene()
 COMPLETE = SCENE.complete
@@ -29,6 +30,24 @@ def test_it_is_complete_and_nothing_failed(built):
     assert report["complete"] and report["levels"][-1]["new"] == 0
     assert report["open"] == []
     assert len(report["lost"]) <= FEW and len(report["missed"]) <= FEW
+
+
+def test_families_and_events_are_the_frozen_ones(built):
+    """Oracle: the record of an earlier build, which `tests/full/frozen.py` describes."""
+    found, frozen = record(built[0]), read()
+    assert unlike(found, frozen) == []
+    assert sum(line.points for line in found) == pytest.approx(sum(line.points for line in frozen), rel=0.01)
+
+
+@pytest.mark.parametrize("change", [{"h": 2e-9}, {"alpha": -2e-9}, {"label_h": 2e-7}, {"events": "BP1 GR3"}, {"label": "S13O00-"}])
+def test_a_change_of_one_family_is_noticed(change):
+    """Oracle: by hand: one sentence, about this family; two where the id is another one."""
+    frozen = read()
+    first = frozen[0]
+    sums = {name: getattr(first, name) + value if isinstance(value, float) else value for name, value in change.items()}
+    (text,) = unlike([first._replace(**sums), *frozen[1:]], frozen)
+    assert text.startswith(first.id)
+    assert len(unlike([first._replace(id="origin-rest:?:0"), *frozen[1:]], frozen)) == 2 and unlike(frozen, frozen) == []
 
 
 def test_every_point_and_edge_holds(built):
