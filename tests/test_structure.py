@@ -90,6 +90,33 @@ def test_a_circle_is_found_also_inside_functions_and_through_packages(tmp_path):
     assert sorted(circles(tmp_path, ["pack"])) == [["pack.a", "pack.b", "pack.c"], ["pack.f", "pack.part", "pack.part.high"]]
 
 
+OF_KERNELS = {
+    "benchmarks": {"following", "kernels", "smooth"},
+    "tests/benchmarks": {"test_before_now"},
+    "tests/branches": {"test_free_criticality", "test_kernel_memory"},
+    "tests/bvp": {"test_chosen", "test_hostile_chains", "test_kernel_cache", "test_lent", "test_pace", "test_released"},
+    "tests/full/bvp": {"test_kernel_cache"},
+    "tests/hard": {"test_saltation"},
+    "tests/saltus": {"test_bad_calls", "test_startup"},
+    "tests/transitions": {"test_section"},
+}
+"""Tests and benchmarks of the kernels themselves: how they are compiled and kept, how much one call does, and signs turned in them."""
+
+
+def test_tests_and_benchmarks_reach_the_numerical_core_through_the_lab():
+    """Oracle: the imports of each file."""
+    found = {}
+    for file in sorted(file for folder in ("tests", "benchmarks") for file in (ROOT / folder).rglob("*.py")):
+        place = file.relative_to(ROOT)
+        if place.parts[:2] == ("tests", "lab"):
+            continue
+        imports = [node for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(node, ast.Import | ast.ImportFrom)]
+        names = [f"{getattr(node, 'module', None) or ''}.{alias.name}" for node in imports for alias in node.names]
+        if any("kernels" in name.split(".") and "benchmarks" not in name for name in names):
+            found.setdefault(place.parent.as_posix(), set()).add(place.stem)
+    assert found == OF_KERNELS
+
+
 @pytest.mark.parametrize(
     ("loaded", "heavy"),
     [

@@ -16,6 +16,7 @@ from benchmarks.speed_error.methods import Answer, Method, Task, Work
 from benchmarks.speed_error.tasks import OrbitTask
 from bvp.multipoint import MultipointProblem
 from tests.lab.flights import LinearFlight
+from tests.lab.problems import Equations
 
 __all__ = ["Collocation", "CollocationError", "CollocationOrbit", "solve_collocation"]
 
@@ -51,8 +52,9 @@ class _Segments:
         self.flights = problem.inner + 1
         self.size = size = problem.size
         self.energy = energy
-        self.rates = problem.segment.flight.matrix  # z' = B z in free flight
-        self.weights = problem.segment.weights
+        self.rates = problem.modes.matrix  # z' = B z in free flight
+        segment = Equations(problem)
+        self.weights = segment.weights
         # Conditions on (states at 0, states at 1, flight times): rows @ these = right.
         width = self.flights * size
         rows: list[np.ndarray] = []
@@ -66,7 +68,6 @@ class _Segments:
             rows.append(row)
             right.append(value)
 
-        segment = problem.segment
         start = segment.start_map
         for normal in np.linalg.svd(start.T)[2][start.shape[1] :]:  # the complement of the free directions of the start
             condition((0, normal), None, float(normal @ segment.start_offset))

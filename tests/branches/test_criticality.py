@@ -20,6 +20,7 @@ from bvp.forced import ForcedProblem
 from tests.branches.forced_systems import absorber_families, impact_speed, oscillator
 from tests.branches.test_absorber import located
 from tests.bvp.test_curvature import KINDS, problem_of, second_along, third
+from tests.lab.problems import units
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
 from transitions.sweep.settle import settle
@@ -84,7 +85,7 @@ def many_digit_coefficient(problem, y, w, r, n, s, multiplier):
         matrix = slope(place)
         shifted = matrix - multiplier * mp.eye(2)
         q = mp.matrix([-shifted[0, 1], shifted[0, 0]])
-        unit = mp.matrix([mp.mpf(float(problem.segment.scale[1])), period])
+        unit = mp.matrix([mp.mpf(float(units(problem)[1])), period])
         q /= mp.norm(mp.matrix([q[0] / unit[0], q[1] / unit[1]]))
         q *= mp.sign(max(q[0] / unit[0], q[1] / unit[1], key=abs))
         p = mp.matrix([[-shifted[1, 0], shifted[0, 0]]])
@@ -217,7 +218,7 @@ def plain_cubic(problem, y, multiplier, pair):
     first, last, rows, columns, scale = plain_equations(problem, y)
     left, _, right = np.linalg.svd(first - multiplier * last)
     p, q = left[:, -1], right[-1].conj()
-    metric = problem.segment.scale[: 2 * problem.degrees_of_freedom + 1]
+    metric = units(problem)[: 2 * problem.degrees_of_freedom + 1]
     start = (scale * q)[: len(metric)] / metric
     largest = start[np.argmax(np.abs(start))]
     q = q * abs(largest) / largest / np.linalg.norm(start)

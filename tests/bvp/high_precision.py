@@ -9,6 +9,7 @@ import numpy as np
 
 from bvp.closures import cycle_of
 from bvp.multipliers import sort_multipliers
+from tests.lab.problems import Equations
 
 DIGITS = 60
 STEP = mpmath.mpf(10) ** -18
@@ -36,7 +37,7 @@ class Exact:
     def __init__(self, problem, solution, rounds=5):
         mpmath.mp.dps = DIGITS
         self.problem = problem
-        self.segment = problem.segment
+        self.segment = Equations(problem)
         self.squares = exact(problem.modes.squares)
         self.y = exact(solution.y)
         self.held = int(np.argmax(np.abs(solution.tangent[: problem.unknowns])))

@@ -291,7 +291,7 @@ def many_digit_residual(problem, y):
                 closing += x[:n] if end == "origin" else x[n:]
         out += [*closing, first[2 * n]]
     at["energy"] = sum(g * x for g, x in zip(gradient, first, strict=False)) / 2
-    at["quarter_period"] = sum(row[width] for row in rows) / problem.segment.shape[2]
+    at["quarter_period"] = sum(row[width] for row in rows) / getattr(problem, "quarters", 4)
     for equation in problem.keep:
         left, right = (sympy.sympify(side) for side in equation.split("="))
         out.append(sympy.lambdify(list(map(sympy.Symbol, at)), left - right, "mpmath")(*at.values()))

@@ -11,6 +11,7 @@ from bvp.released import ReleasedProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment, chain
 from tests.lab.problems import Arclength
+from tests.lab.problems import units as units_of
 
 PERIODIC = ("periodic", "periodic")
 
@@ -73,7 +74,7 @@ def free_problem():
 @pytest.mark.parametrize("free", [0, 1])
 def test_coordinates_in_parameters_against_differences(free):
     problem, rng = (forced_problem, free_problem)[free](), np.random.default_rng(3)
-    units = problem.segment.scale
+    units = units_of(problem)
     for size in (1e-3, 1.0, 1e3):
         y = problem.pack(size * rng.normal(size=(1 + free, 2)), [0.3] * (1 + free), [1.7, -0.2 * size, size], [[1.0], [0.7, 1.1]][free])
         time = np.log(1.8) if free else 0.3
@@ -96,5 +97,5 @@ def test_coordinates_in_parameters_against_differences(free):
 @pytest.mark.parametrize("s", [0.0, 1e-12, 1e-6, 0.05])
 def test_units_do_not_come_from_a_value_of_the_scene(s):
     """Oracle: the response to the load, 1/(1 + w^2), is the largest length; a load A = 1 + w^2 has the response 1."""
-    units = forced_problem(s=s).segment.scale
+    units = units_of(forced_problem(s=s))
     assert units == pytest.approx([0.2, 0.4, 1.0, 0.0, 0.2, 1.0], rel=1e-14)

@@ -19,7 +19,7 @@ from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin
 from tests.bvp.high_precision import Exact
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
-from tests.lab.problems import null_vector
+from tests.lab.problems import Equations, null_vector
 
 EPS = np.finfo(float).eps
 ENDS = ("origin", "rest", "stop+", "stop-")
@@ -50,7 +50,8 @@ def residual_twin(problem, y, restitution=1.0, pull=1.0):
         return np.concatenate([z[:n], z[n:] - (1.0 + restitution * r) * (c @ z[n:]) / (c @ c) * c])
 
     s = problem.parameters
-    start = problem.segment.start_map @ y[:s] + problem.segment.start_offset
+    equations = Equations(problem)
+    start = equations.start_map @ y[:s] + equations.start_offset
     sequence = problem.sequence[1:] if problem.periodic else problem.sequence
     out = []
     at = s
@@ -68,7 +69,7 @@ def residual_twin(problem, y, restitution=1.0, pull=1.0):
         c, bound, _ = letters[problem.sequence[0]]
         out += [*(impact(z, problem.sequence[0]) + y[-1] * gradient - start), c @ start[:n] - bound]
     else:
-        out += list(problem.segment.end_map @ z - problem.segment.end_offset)
+        out += list(equations.end_map @ z - equations.end_offset)
     return np.array(out)
 
 
@@ -280,7 +281,7 @@ def test_two_hundred_impacts_of_an_irregular_orbit():
     solution = problem.solve(guess)
     assert solution["residual"] < 1e-14 and solution["clearance"] > 0.0
     states = problem.nodes(solution.y)
-    energies = 0.5 * np.sum(problem.segment.weights * states**2, axis=1)
+    energies = 0.5 * np.sum(Equations(problem).weights * states**2, axis=1)
     assert np.max(np.abs(energies / solution["energy"] - 1.0)) < 4.0 * EPS * 201
 
 

@@ -85,7 +85,7 @@ def test_the_tube_holds_the_gap_and_grows_from_the_impact_on(system, window):
     """Oracle: the modes' cosines and sines: how far the gap coordinate of neighbours parts within the flight. From an impact, where all
     are at the stop, it parts with the time, or with its square where the speeds along the gap are equal."""
     (curve,) = curves(system, "origin", 1.0)
-    gap, squares = curve.flow.contacts.gap[0, :2], curve.flow.squares
+    gap, squares = system.modes.contacts.gap[0, :2], system.modes.squares
     across = np.array([-gap[1], gap[0]]) / np.hypot(*gap)
     t = np.linspace(0.0, window, 400)
     w = np.sqrt(squares)

@@ -93,7 +93,7 @@ def last_speed(exact, x):
     exact.move(x)
     problem = exact.problem
     at = problem.parameters + 1 + 3 * (problem.size + 1)
-    return dot(problem.segment.gap_rate[4], flow(exact.squares, exact.y[at : at + problem.size], exact.flight_times()[4]))
+    return dot(exact.segment.gap_rate[4], flow(exact.squares, exact.y[at : at + problem.size], exact.flight_times()[4]))
 
 
 @hard(

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.closures import KINDS
+from bvp.closures import KINDS, end_maps, parse_end
 from bvp.kernels import multipoint, newton, step
 from bvp.kernels.forced import set_parameters
 from bvp.kernels.loaded_paths import forced_observe
@@ -14,7 +14,10 @@ from bvp.kernels.stability import section_basis as _section_basis
 from bvp.kernels.summed_chatter import sum_chatter
 from bvp.multipoint import RESULT_INDEX
 
-__all__ = ["Arclength", "ChatterEnd", "chatter_end", "clearance_under_loads", "fly", "half_map", "null_vector", "section_basis"]
+__all__ = [
+    "Arclength", "ChatterEnd", "Equations", "chatter_end", "clearance_under_loads", "fly", "half_map", "null_vector", "section_basis",
+    "units",
+]  # fmt: skip
 
 
 def null_vector(problem, y):
@@ -27,6 +30,33 @@ def null_vector(problem, y):
     null = np.zeros(problem.unknowns)
     newton.null_vector(problem.segment, factor, null)
     return null
+
+
+class Equations:
+    """What the equations of an orbit are made of, in modal coordinates: for N = 2 n entries a state and k inner nodes.
+
+    gap, gap_rate, push (k + 2, N), jump, bound (k + 2,) : of the contact at each node, then at the far end, then at the start; zero
+        where there is none. An impact takes z to z - jump push (gap_rate . z).
+    start_map (N, s), start_offset (N,) : states at the start
+    end_map (c, N), end_offset (c,) : the condition at the far end
+    weights (N,) : h = sum(weights z^2)/2
+    """
+
+    def __init__(self, problem):
+        modes, contacts = problem.modes, problem.modes.contacts
+        at = np.array(problem.contacts)
+        hit = at >= 0
+        self.gap, self.gap_rate, self.push = (rows[at] * hit[:, None] for rows in (contacts.gap, contacts.rate, contacts.push))
+        self.jump, self.bound = (np.where(hit, values[at], 0.0) for values in (1.0 + contacts.restitution, contacts.bound))
+        start, end = (parse_end(problem.system, end) for end in problem.ends)
+        self.start_map, self.start_offset = end_maps(modes, *start)[:2]
+        self.end_map, self.end_offset = end_maps(modes, *end)[2:]
+        self.weights = np.concatenate([modes.squares, np.ones(problem.half)])
+
+
+def units(problem):
+    """Return the units of a node's entries in which arclength is measured, of a problem in parameters."""
+    return problem.segment.scale
 
 
 class Arclength:

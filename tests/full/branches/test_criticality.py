@@ -9,6 +9,7 @@ import pytest
 
 from bvp.criticality import criticality
 from tests.branches.forced_systems import absorber_families
+from tests.lab.problems import units
 
 
 def torus_radius(problem, y, start, rounds):
@@ -17,7 +18,7 @@ def torus_radius(problem, y, start, rounds):
     gap, push, closing = segment.gap[0, :n], segment.push[0, n : 2 * n], segment.closing
     stop = problem.system.stops[0]
     bound = stop.upper if segment.side[0] > 0 else stop.lower
-    scale = segment.scale[: 2 * n + 1]
+    scale = units(problem)[: 2 * n + 1]
     node, time = problem.nodes(y)[0].copy(), float(problem.flight_times(y)[0])
     node[n : 2 * n] += start * scale[n : 2 * n]
     squares = []
