@@ -150,6 +150,7 @@ ROWS: dict[str, tuple[str, Callable[[Side, Path], float]]] = {
     "first response after it": ("s, wall", _first(_CONTINUE, _RESPONSE)),
     "first curve after a continue": ("s, wall", _first(_SADDLE, _CURVE)),
     "warm continue S13O00+": ("s, processor", _warm(_CONTINUE)),
+    "warm continue S13O00+ --plot": ("s, processor", _warm(_PICTURE)),
     "warm continue S13O00+, wall": ("s, wall", _warm(_CONTINUE, wall=True)),
     "warm continue S13O00+ --plot, wall": ("s, wall", _warm(_PICTURE, wall=True)),
     "environment and installation": ("s, wall", lambda side, cache: side.installing),
