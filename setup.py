@@ -1,43 +1,58 @@
-"""Building a wheel from a source distribution compiles the kernels into it. All else is in setup.cfg.
+"""The core is compiled into the wheel. Building a wheel from a source distribution adds the compiled kernels. All else is in setup.cfg.
 
-A copy of the repository has no PKG-INFO, so installing from one compiles nothing: kernels are compiled when they are first called.
+A copy of the repository has no PKG-INFO, so installing from one compiles no kernels: they are compiled when they are first called.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-from setuptools import setup
-from setuptools.command.bdist_wheel import bdist_wheel
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
-COMPILES = Path(__file__).with_name("PKG-INFO").is_file()
+import backend
+
+KERNELS = Path(__file__).with_name("PKG-INFO").is_file()
+CORE = Path("bvp/core")
+
+
+class BuildCore(build_ext):
+    """Compiles the core in a folder that is kept. An editable installation imports it from there."""
+
+    def run(self):
+        module = backend.compile_core(backend.build_folder())
+        if not self.editable_mode:
+            self.copy_file(module, Path(self.build_lib, module.name))
+
+    def get_outputs(self):
+        return []
+
+    def get_output_mapping(self):
+        return {}
 
 
 class BuildWithKernels(build_py):
-    """Copies the packages, and adds the compiled kernels."""
+    """Copies the packages, without what an earlier build left, and adds the compiled kernels."""
 
     def run(self):
-        super().run()
         if not self.editable_mode:
+            shutil.rmtree(self.build_lib, ignore_errors=True)
+        super().run()
+        if KERNELS and not self.editable_mode:
             place = Path(self.build_lib).resolve()
             with tempfile.TemporaryDirectory() as folder:
                 environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(place), *sys.path]), "NUMBA_CACHE_DIR": folder}
                 subprocess.run([sys.executable, "-m", "saltus.compiling", place / "bvp/kernels/shipped"], env=environment, check=True)
 
 
-class WheelWithKernels(bdist_wheel):
-    """A wheel for one kind of machine and one version of Python."""
-
-    def finalize_options(self):
-        super().finalize_options()
-        self.root_is_pure = False
-
-
-if COMPILES:
-    requirements = ["numba", "numpy", "platformdirs"]
-    setup(cmdclass={"build_py": BuildWithKernels, "bdist_wheel": WheelWithKernels}, setup_requires=requirements)
-else:
-    setup()
+sources = sorted(map(str, CORE.glob("*.cpp")))
+setup(
+    ext_modules=[Extension("saltus_core", sources, depends=["backend.py", *map(str, CORE.glob("*.hpp")), str(CORE / "CMakeLists.txt")])],
+    package_dir={"saltus_core": str(backend.build_folder() / "saltus_core")},
+    cmdclass={"build_ext": BuildCore, "build_py": BuildWithKernels},
+    setup_requires=["numba", "numpy", "platformdirs"] if KERNELS else [],
+)

@@ -29,6 +29,7 @@ TASKS = {
     "smooth": "a point of a smooth family beside AUTO-07p, and beside shooting by scipy",
     "sweeps": "impacts a second of forced motion beside scipy's integrator",
     "hard-cases": "errors of the hard cases, into docs/reference/hard_cases.md",
+    "functions": "elementary functions of the core beside the system's library; derivatives by jets",
     "kernels": "write the list of the kernels that each command calls, which are compiled before it starts",
     "orbit": "one orbit by the paper's nonsmooth time transformation, beside the exact one",
 }

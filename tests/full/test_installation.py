@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = "bvp", "branches", "continuation", "transitions", "saltus", "catalogues"
-COPIED = "README.md", "LICENSE", "pyproject.toml", "setup.cfg", "setup.py", "docs", "benchmarks", "tests", *PACKAGES
+COPIED = "README.md", "LICENSE", "pyproject.toml", "setup.cfg", "setup.py", "backend.py", "docs", "benchmarks", "tests", *PACKAGES
 
 
 def commands():
@@ -32,7 +32,8 @@ def _files(folder):
 @pytest.mark.skipif(os.name != "posix", reason="the commands are those of a POSIX shell")
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["use first", "development first"])
 def test_both_commands_work_after_each_other_and_leave_nothing(tmp_path, order):
-    """Oracle: the same orbit each time, a figure, and an environment that holds afterwards the files that it held before.
+    """Oracle: the same orbit each time, a figure, a core that is compiled once, and an environment that holds afterwards the files that it
+    held before.
 
     The environment finds the dependencies where this one has them. What builds the package is loaded from a network. Of the tests one
     quick file is run."""
@@ -58,7 +59,7 @@ def test_both_commands_work_after_each_other_and_leave_nothing(tmp_path, order):
     packages = Path(call(".venv/bin/python -c \"import sysconfig; print(sysconfig.get_path('purelib'))\"").strip())
     (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     before = _files(packages) | _files(scripts)
-    orbits = set()
+    orbits, cores = set(), set()
     for which in order * 2:
         for old in copy.glob("*.png"):
             old.unlink()
@@ -67,6 +68,11 @@ def test_both_commands_work_after_each_other_and_leave_nothing(tmp_path, order):
         orbits.add(call(".venv/bin/saltus orbit S13O00+ --alpha 1.7"))
         place = call(".venv/bin/python -P -c 'import bvp.kernels.compiled as module; print(module.__file__)'")
         assert Path(place.strip()).is_relative_to(packages) is (which == 0)
+        core = call(".venv/bin/python -P -c 'import saltus_core; print(saltus_core.__file__)'")
+        assert Path(core.strip()).is_relative_to(packages if which == 0 else copy / "build")
+        cores |= {(file, file.stat().st_mtime_ns) for file in copy.glob("build/core-*/CMakeFiles/saltus_core.dir/*.o")}
+    assert {file.name for file, _ in cores} == {f"{file.name}.o" for file in (copy / "bvp" / "core").glob("*.cpp")}
+    assert len({file for file, _ in cores}) == len(cores)  # each file was compiled once
     assert len(orbits) == 1 and "S13O00+" in orbits.pop()
     call(".venv/bin/python -m pip uninstall --yes --quiet saltus")
     assert _files(packages) | _files(scripts) == before

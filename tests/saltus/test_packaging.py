@@ -3,9 +3,12 @@
 import configparser
 import importlib
 import re
+import tomllib
 from pathlib import Path
 
 from setuptools import find_packages
+
+import backend
 
 ROOT = Path(__file__).parents[2]
 CONFIGURATION = configparser.ConfigParser()
@@ -27,8 +30,10 @@ def test_all_code_is_installed_and_nothing_else():
 
 
 def test_each_dependency_has_its_reason_in_the_readme_and_on_its_page():
-    """Oracle: setup.cfg."""
+    """Oracle: setup.cfg; for the installation pyproject.toml, and the most that the build backend adds."""
     lines = listed("options", "install_requires") + listed("options.extras_require", "test")
+    lines += tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
+    lines += [*backend.TOOLS, "ziglang"]
     needed = {re.match(r"[a-z-]+", line).group() for line in lines}
     readme = (ROOT / "README.md").read_text(encoding="utf-8").partition("## Dependencies")[2]
     page = (ROOT / "docs" / "reference" / "dependencies.md").read_text(encoding="utf-8")

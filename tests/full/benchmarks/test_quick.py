@@ -21,6 +21,7 @@ QUICK = {
     "sweeps": "--quick",
     "orbit": "S13O00+ --alpha 1.7 --tolerance 1e-5",
     "hard-cases": "--quick",
+    "functions": "--repeats 1",
     "kernels": "",
 }
 FIRST = {
@@ -35,6 +36,7 @@ FIRST = {
     "smooth": "points of cubic_nes",
     "sweeps": "impact_oscillator",
     "orbit": "shooting in nonsmooth time",
+    "functions": "compiling",
     "kernels": "found the kernels of 'sections'",
 }
 """The first words of progress of those that print some by `report.progress`; the hard cases show that of pytest."""

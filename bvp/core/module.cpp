@@ -1,0 +1,33 @@
+/// The Python module `saltus_core`.
+#include "bindings.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+/// The compiler, and the instructions beyond the least of this kind of processor that it was allowed to use.
+constexpr const char* compiler =
+#if defined(__clang__)
+    "clang " __clang_version__
+#elif defined(__GNUC__)
+    "gcc " __VERSION__
+#elif defined(_MSC_VER)
+    "MSVC"
+#endif
+#if defined(__AVX2__)
+    " AVX2"
+#endif
+#if defined(__FMA__)
+    " FMA"
+#endif
+#if defined(__SANITIZE_ADDRESS__)
+    " ASan"
+#endif
+    ;
+
+}  // namespace
+
+NB_MODULE(saltus_core, m) {
+    m.doc() = "The compiled core. It holds arithmetic only.";
+    m.attr("compiler") = compiler;
+}
