@@ -95,12 +95,14 @@ OF_KERNELS = {
     "tests/benchmarks": {"test_before_now"},
     "tests/branches": {"test_free_criticality", "test_kernel_memory"},
     "tests/bvp": {"test_chosen", "test_hostile_chains", "test_kernel_cache", "test_lent", "test_pace", "test_released"},
+    "tests/core": {"test_extrema", "test_next_impact", "test_steps"},
     "tests/full/bvp": {"test_kernel_cache"},
     "tests/hard": {"test_saltation"},
     "tests/saltus": {"test_bad_calls", "test_startup"},
     "tests/transitions": {"test_section"},
 }
-"""Tests and benchmarks of the kernels themselves: how they are compiled and kept, how much one call does, and signs turned in them."""
+"""Tests and benchmarks of the kernels themselves: how they are compiled and kept, how much one call does, and signs turned in them; the core beside those that other users still
+have."""
 
 
 def test_tests_and_benchmarks_reach_the_numerical_core_through_the_lab():

@@ -3,7 +3,7 @@
 The section is f = row . z = 0 with f' > 0. The bounds of `bvp.kernels.extrema` give instants between which f has one zero at most: either
 it changes its sign, or it has none. The sign is carried from flight to flight, so that a crossing at an impact counts once.
 
-A perturbation is kept along the gap's zero at an impact, and along the section at a crossing (`bvp.kernels.shooting.event`). This makes it
+A perturbation is kept along the gap's zero at an impact, and along the section at a crossing (`event`). This makes it
 the derivative of the section's map. A stop that sticks takes a degree of freedom away, so that the plane maps to a curve: the crossings go
 on, and the perturbation ends there (NaN).
 """
@@ -16,13 +16,12 @@ from numpy import int64
 
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.compiled import kernel
-from bvp.kernels.contact_mode import Log, MotionState, Scratch, begin_anew, contacts_of, flight_of, restitute_state
+from bvp.kernels.contact_mode import Log, MotionState, Scratch, arrive, begin_anew, contacts_of, flight_of, restitute_state
 from bvp.kernels.energy_budget import Products, integrals
 from bvp.kernels.extrema import peak_flight, rises
 from bvp.kernels.flight import inner, row_dot, set_1, times_matrix
-from bvp.kernels.flights import carry_change, potential_energy
+from bvp.kernels.flights import carry_change, path_state, potential_energy, rate
 from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED, move
-from bvp.kernels.shooting import event
 
 __all__ = [
     "COMPLETE",
@@ -183,6 +182,17 @@ def renew_clock(clock):
     clock[entry.PROGRESS] -= clock[entry.TIME]
     clock[entry.TIME] = 0.0
     clock[entry.TIME_LOW] = 0.0
+
+
+@kernel
+def event(flight, rows, c, z, change, time, state, state_change, velocity):
+    """The state (N,) after `time` from z, and its derivative along rows[c] . state = constant where `change` is that of z. Returns the
+    derivative of the time."""
+    # Equation (19), for an event that is a zero of rows[c] . z.
+    path_state(flight, z, time, state)
+    carry_change(flight, z, change, time, state_change)
+    rate(flight, state, velocity)
+    return arrive(rows, c, velocity, state_change)
 
 
 @kernel

@@ -20,7 +20,6 @@ from branches.search.intervals import segment_limits, segments
 from branches.search.orbit_search import Found, OrbitSearch, kept_problems
 from branches.search.starts import StartCurve, curves
 from branches.sequences import Ends, ImpactSequence, mirror
-from bvp.kernels.shooting import COLUMNS, CONTACT, follow_impacts
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem
 
@@ -59,7 +58,7 @@ def orbits_with_sequence(
         first, far = ("stop" if end.startswith("stop") else end for end in between)
         limits = {far: segment_limits(first, far, quarter_period, None)[:1] + (len(hits),)}
         wanted = hits + ((between[1].removeprefix("stop"),) if far == "stop" else ())
-        contacts = np.array([system.modes.contact_letters.index(letter) for letter in wanted], dtype=float)
+        contacts = [system.modes.contact_letters.index(letter) for letter in wanted]
         for curve in curves(system, first, energy):
             if curve.end == between[0]:
                 pieces = _pieces(curve, contacts, limits[far][0], density)
@@ -69,13 +68,12 @@ def orbits_with_sequence(
     return [orbits[0] for group in search.found.values() for orbits in group]
 
 
-def _pieces(curve: StartCurve, contacts: np.ndarray, longest: float, density: int) -> list[StartCurve]:
+def _pieces(curve: StartCurve, contacts: list[int], longest: float, density: int) -> list[StartCurve]:
     """The pieces of a curve whose starts hit these contacts first, within a time."""
-    record, work = np.zeros((len(contacts) + 2, COLUMNS)), np.zeros((16, 16))
 
     def hits(parameter: float, count: int) -> bool:
-        rows = follow_impacts(curve.flow, parameter, longest, np.inf, count, record, work)
-        return rows >= count and bool(np.all(record[:count, CONTACT] == contacts[:count]))
+        flights = curve.starts.follow(parameter, longest, math.inf, count)
+        return [flight.contact for flight in flights[:count]] == contacts[:count]
 
     parts_of = 0.5 - 0.5 * np.cos(math.pi * (np.arange(density) + 0.5) / density)
     pieces = [(curve.low, curve.high)]

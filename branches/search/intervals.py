@@ -1,4 +1,4 @@
-"""The complete scan of a curve of starts (`bvp.kernels.intervals`): all crossings of a far end, and the undecided intervals.
+"""The complete scan of a curve of starts: all crossings of a far end, and the undecided intervals.
 
 An interval of starts can be as narrow as rounding and still be undecided at one of its flights. The flights before that one are decided,
 so the states after their impacts are a short smooth curve. `resumed` returns this curve, which is scanned in place of the interval. Its
@@ -17,26 +17,17 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from saltus_core import Curve, FlightRecord, IntervalScan, StartMap, Starts, Verdict
 
-from branches.search.starts import INSET, QUADRATIC, Path, ScannedSegment, StartCurve
+from branches.search.starts import INSET, KINDS, Path, ScannedSegment, StartCurve
 from branches.sequences import impacts_per_period, mirror, segments_per_period, unfolded_sequence
 from bvp.interrupts import Pace
-from bvp.kernels.arcs import ARC
-from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
-from bvp.kernels.multipoint import ORIGIN, REST, STOP
-from bvp.kernels.shooting import COLUMNS, CONTACT, DERIVATIVE, DURATION, TIME, follow_impacts
-from bvp.kernels.verdict import ENDLESS, GRAZED, MIDDLE, StartSearch
 from bvp.system import ImpactSystem
 
 __all__ = ["EndCrossing", "Limits", "Opening", "first_crossings", "follow_start", "resumed", "scan", "segment_limits", "segments"]
 
 PIECES, PIECES_RESUMED = 32, 2
 """Intervals that each curve is cut into at first; and one that is resumed."""
-
-DEPTH = 100
-"""Halvings of one interval, most of them in the square root of the distance to a grazing."""
-
-KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP}
 
 Limits = Mapping[str, tuple[float, int | None]]
 """For each kind of far end that is searched: longest time and most inner impacts of a segment; None: not bounded."""
@@ -72,12 +63,12 @@ class EndCrossing(NamedTuple):
 
 
 class Opening(NamedTuple):
-    """An interval of starts that is not decided: lower bound, width, the flight (impacts before it), the kernel's reason."""
+    """An interval of starts that is not decided: lower bound, width, the flight (impacts before it), the reason."""
 
     parameter: float
     width: float
     flight: int
-    reason: int
+    reason: Verdict
 
 
 def segments(
@@ -108,8 +99,8 @@ def segments(
             if image is not None:
                 left.append(image)
                 counts["resumed"] += 1
-                counts["at_grazing" if opening.reason == GRAZED else "open"] -= 1
-            elif opening.reason != GRAZED:
+                counts["at_grazing" if opening.reason == Verdict.GRAZED else "open"] -= 1
+            elif opening.reason != Verdict.GRAZED:
                 openings.append(opening._replace(parameter=curve.original(opening.parameter), width=curve.piece[1] * opening.width))
         counts["crossings"] += len(crossings)
         paths = [follow_start(curve, crossing.parameter, crossing.impacts, longest) for crossing in crossings]
@@ -141,69 +132,53 @@ def _segment(
 
 
 def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossing], list[Opening], dict[str, int]]:
-    """Crossings and openings of one curve, and counts by the names of `bvp.kernels.intervals.COUNTS`.
+    """Crossings and openings of one curve, and counts of starts, intervals and grazings.
 
     At most `budget` starts are followed. The intervals left then stay open.
     """
     gone, since = lead(curve)
     most = max((curve.most_impacts if impacts is None else impacts for _, impacts in limits.values()), default=0) - gone
-    times = np.full(4, -1.0)
-    impacts = np.array([0, 0, 0, -1])
+    times, impacts = [-1.0] * 4, [0, 0, 0, -1]
     for end, (time, count) in limits.items():
         # Without a bound there is always one impact more to follow, so that a start with too many of them is left open, not dropped.
         left_of_them = (curve.most_impacts + 1 if count is None else count) - gone
-        times[KINDS[end]] = time - since if left_of_them >= 0 else -1.0
-        impacts[KINDS[end]] = left_of_them
-    rows, opened, counts = decide_intervals(curve, times, impacts, math.inf, most, budget, fold=False)
+        times[int(KINDS[end])] = time - since if left_of_them >= 0 else -1.0
+        impacts[int(KINDS[end])] = left_of_them
+    found = decide_intervals(curve, times, impacts, math.inf, most, budget, fold=False)
     names = {number: name for name, number in KINDS.items()}
-    crossings = []
-    for row in rows:
-        place, flight, residual, converged, low, high = row[2:8].tolist()
-        crossings.append(EndCrossing(names[int(row[0])], gone + int(row[1]), place, flight, residual, converged == 1.0, low, high))
-    return crossings, [opening._replace(flight=gone + opening.flight) for opening in opened], counts
+    crossings = [
+        EndCrossing(names[x.kind], gone + x.impacts, x.theta, x.flight, x.residual, x.converged, x.low, x.high) for x in found.crossings
+    ]
+    return crossings, openings_of(found, gone), found.counts
+
+
+def openings_of(scan: IntervalScan, gone: int) -> list[Opening]:
+    """The intervals that a scan leaves open, with the impacts before its starts."""
+    return [Opening(opening.theta, opening.width, gone + opening.flight, opening.reason) for opening in scan.openings]
 
 
 def decide_intervals(
-    curve: StartCurve, times: np.ndarray, impacts: np.ndarray, latest: float, most: int, budget: int, *, fold: bool
-) -> tuple[np.ndarray, list[Opening], dict[str, int]]:
-    """What `scan_interval` finds on a curve: rows, openings, and counts by the names of `bvp.kernels.intervals.COUNTS`.
+    curve: StartCurve, times: list[float], impacts: list[int], latest: float, most: int, budget: int, *, fold: bool
+) -> IntervalScan:
+    """The scan of all intervals of a curve.
 
-    times, impacts, latest, most, fold: of its `StartSearch`."""
-    longest, columns = float(times.max()), ARC if impacts[MIDDLE] >= 0 else 8
-    records = np.zeros((3 * DEPTH + 3, most + 2, COLUMNS))
-    levels = np.zeros(3 * DEPTH + 3, dtype=np.int64)
-    stack = np.zeros((2 * DEPTH, 10))
-    search = StartSearch(curve.flow, times, impacts, fold, longest, latest, most, records, levels, np.zeros((16, 16)))
-    candidates = np.zeros((4096, columns))
-    openings = np.zeros((256, 4))
-    total = np.zeros(len(COUNTS), dtype=np.int64)
-    rows: list[np.ndarray] = []
-    open_ones: list[Opening] = []
-    state = np.zeros(STATE, dtype=np.int64)
+    times, impacts: for each `FarEnd` the longest time (negative where it is not looked for) and the most inner impacts. latest: time up to
+    which flights begin. fold: whether a mirror image stands for states at the lower stop."""
+    scan = IntervalScan(curve.starts, times, impacts, fold, max(times), latest, most)
     pace = Pace()
     pieces = PIECES if curve.before is None else PIECES_RESUMED
     edges = np.linspace(curve.low, curve.high, pieces + 1)
     for i, (low, high) in enumerate(pairwise(edges.tolist())):
         root_low, root_high = curve.singular[0] and i == 0, curve.singular[1] and i == pieces - 1
-        ends = np.array([low, high, root_low + 2.0 * root_high])
+        place = StartMap(low, high, root_low, root_high)
         low += INSET if root_low else 0.0
         high -= INSET if root_high else 0.0
-        while True:
-            counts = np.zeros(len(COUNTS), dtype=np.int64)
-            begin_interval(search, low, high, ends, stack, counts, state)
-            done = False
-            while not done:
-                with pace:
-                    done = scan_interval(search, stack, candidates, openings, max(1, budget - int(total[0])), counts, pace.passes, state)
-            found, opened = int(state[CANDIDATES]), int(state[OPENINGS])
-            if found <= len(candidates) and opened <= len(openings):
-                break
-            candidates = np.zeros((max(2 * found, len(candidates)), columns))
-            openings = np.zeros((max(2 * opened, len(openings)), 4))
-        total += counts
-        rows.append(candidates[:found].copy())
-        open_ones += [Opening(float(row[0]), float(row[1]), int(row[2]), int(row[3])) for row in openings[:opened]]
-    return np.concatenate(rows), open_ones, dict(zip(COUNTS, total.tolist(), strict=True))
+        scan.begin(low, high, place, max(1, budget - scan.counts["starts"]))
+        done = False
+        while not done:
+            with pace:
+                done = scan.go(pace.passes)
+    return scan
 
 
 def lead(curve: StartCurve) -> tuple[int, float]:
@@ -217,12 +192,13 @@ def follow_start(curve: StartCurve, parameter: float, impacts: int, longest: flo
     Of a curve with motion `before` it, that is part of the path and of its impacts and its time."""
     before, (gone, since) = curve.before, lead(curve)
     impacts -= gone
-    record = np.zeros((impacts + 2, COLUMNS))
-    rows = follow_impacts(curve.flow, parameter, longest - since, math.inf, impacts, record, np.zeros((16, 16)))
-    hit = min(next((i for i, contact in enumerate(record[:rows, CONTACT].tolist()) if contact < 0.0), rows), impacts + 1)
-    inner = min(hit, impacts, rows - 1)
-    start, contacts = record[0, :4].copy(), record[:hit, CONTACT].astype(np.int64)
-    nodes, durations, instants = record[1 : inner + 1, :4].copy(), record[:inner, DURATION].copy(), record[1 : inner + 1, TIME].copy()
+    flights = curve.starts.follow(parameter, longest - since, math.inf, impacts)
+    hit = [flight.contact for flight in flights if flight.contact >= 0]
+    inner = min(len(hit), impacts, len(flights) - 1)
+    start, contacts = flights[0].state, np.array(hit, dtype=np.int64)
+    nodes = np.array([flight.state for flight in flights[1 : inner + 1]]).reshape(inner, 4)
+    durations = np.array([flight.duration for flight in flights[:inner]])
+    instants = np.array([flight.time for flight in flights[1 : inner + 1]])
     if before is None:
         return Path(start, contacts, nodes, durations, instants)
     return Path(
@@ -251,38 +227,34 @@ def resumed(curve: StartCurve, opening: Opening, longest: float) -> StartCurve |
     """
     gone, since = lead(curve)
     flight = opening.flight - gone
-    if flight < 1 or opening.reason == ENDLESS or opening.width > NARROW * max(1.0, abs(opening.parameter)):
+    if flight < 1 or opening.reason == Verdict.ENDLESS or opening.width > NARROW * max(1.0, abs(opening.parameter)):
         return None
     half = 0.5 * opening.width
     middle = opening.parameter + half
-    work = np.zeros((16, 16))
-    samples = []
+    samples: list[list[FlightRecord]] = []
     for parameter in (opening.parameter, middle, opening.parameter + opening.width):
-        record = np.zeros((flight + 2, COLUMNS))
-        if follow_impacts(curve.flow, parameter, longest - since, math.inf, flight, record, work) <= flight:
+        samples.append(curve.starts.follow(parameter, longest - since, math.inf, flight))
+        if len(samples[-1]) <= flight:
             return None
-        samples.append(record)
-    low, here, high = samples
-    if any(np.any(record[:flight, CONTACT] != here[:flight, CONTACT]) for record in samples):
+    hits = [[record.contact for record in sample[:flight]] for sample in samples]
+    if hits[0] != hits[1] or hits[2] != hits[1]:
         return None
-    derivative = slice(DERIVATIVE, DERIVATIVE + 4)
-    state, rate = here[flight, :4], here[flight, derivative]
-    bend = (high[flight, derivative] - low[flight, derivative]) / opening.width
+    low, here, high = (sample[flight] for sample in samples)
+    state, rate = here.state, here.derivative
+    bend = (high.derivative - low.derivative) / opening.width
     # By this parameter the state moves as fast as it is large, as the kernels expect of starts: their rounding is the parameter's.
     scale = float(np.max(np.abs(state)) / np.max(np.abs(rate)))
     if STRETCHED * scale > 1.0:
         return None
     reach = (half + OVERLAP * max(1.0, abs(middle))) / scale + OVERLAP
-    flow = curve.flow._replace(
-        start=np.array([state, scale * rate, 0.5 * scale * scale * bend]),
-        shape=np.array([QUADRATIC, int(here[flight - 1, CONTACT])], dtype=np.int64),
-    )
+    coefficients = [state.tolist(), (scale * rate).tolist(), (0.5 * scale * scale * bend).tolist()]
+    starts = Starts(curve.starts.system, coefficients, Curve.QUADRATIC, hits[1][-1])
     path = follow_start(curve, middle, opening.flight, longest)
     if not path.instants[-1] < longest:
         return None
     before = path._replace(contacts=path.contacts[: opening.flight])
     piece = (curve.original(middle), curve.piece[1] * scale)
-    return replace(curve, flow=flow, low=-reach, high=reach, singular=(False, False), before=before, piece=piece)
+    return replace(curve, starts=starts, low=-reach, high=reach, singular=(False, False), before=before, piece=piece)
 
 
 SAME_START = 1e-11

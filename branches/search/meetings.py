@@ -1,7 +1,7 @@
 """Orbits between two ends by their middles: half of each is followed from either end, and both halves meet at an impact.
 
 Every orbit with an impact inside its segment, or at an end of it, has a last impact before the middle of the segment's time. There the
-image of the starts at one end meets the mirror image of the starts at the other one (`bvp.kernels.meetings`). Motions part as they go on,
+image of the starts at one end meets the mirror image of the starts at the other one. Motions part as they go on,
 so half the time takes far fewer starts. Seen from the other end, the same orbit has another last impact before the middle. So each orbit is
 met twice, which checks the search, unless no impact is between the middle and one of the ends.
 """
@@ -14,15 +14,12 @@ from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
+from saltus_core import Arcs, MeetingSearch, Verdict, stop_arcs
 
-from branches.search.intervals import SAME_START, EndCrossing, decide_intervals, first_crossings, lead, resumed, segment_limits
+from branches.search.intervals import SAME_START, EndCrossing, decide_intervals, first_crossings, lead, openings_of, resumed, segment_limits
 from branches.search.known import Boxes, are_known
 from branches.search.starts import ScannedSegment, StartCurve, curves
 from branches.sequences import Ends, ImpactSequence, mirror
-from bvp.kernels import arcs as at
-from bvp.kernels.meetings import COUNTS, CURVE_A, CURVE_B, IMPACTS_A, IMPACTS_B, MET, MET_A, MET_B, MeetingSearch, meet_arcs
-from bvp.kernels.shooting import COLUMNS
-from bvp.kernels.verdict import GRAZED
 from bvp.system import ImpactSystem
 
 __all__ = ["met_segments", "nothing_new"]
@@ -76,7 +73,7 @@ def met_segments(
     segments : list of ScannedSegment or None
         Without start and nodes. A segment between two ends of one kind is there from both. None if anything is not decided.
     counts : Counter
-        Of the intervals, by the names of `bvp.kernels.intervals.COUNTS`, and of the pairs of arcs, by `bvp.kernels.meetings.COUNTS`.
+        Of the intervals, and of the pairs of arcs.
     """
     counts: Counter[str] = Counter()
     limits = _limits(wanted, quarter_period, impacts)
@@ -86,7 +83,7 @@ def met_segments(
         return None, counts
     left = deque(enumerate(roots))
     images: list[_Image] = []
-    arcs: list[np.ndarray] = []
+    arcs: list[Arcs] = []
     while left:
         root, curve = left.popleft()
         number = len(images)
@@ -97,34 +94,31 @@ def met_segments(
         if longest < 0.0:
             continue
         if curve.before is None and _kind(curve) == "stop":
-            arcs.append(_stop_arcs(curve, system.has_odd_symmetry))
-            arcs[-1][:, at.CURVE] = number
+            edges = np.linspace(curve.low, curve.high, STOP_ARCS + 1).tolist()
+            arcs.append(stop_arcs(curve.starts, edges, system.has_odd_symmetry, number))
         # Of a segment to a stop, that impact can be the one more where the halves meet.
         beyond = most + 1 - gone
         if beyond < 1 or since > PART * longest:
             continue
-        rows, openings, of_scan = decide_intervals(
-            curve, np.array([-1.0, -1.0, -1.0, longest - since]), np.array([0, 0, 0, beyond - 1]), PART * longest - since, beyond,
+        scan = decide_intervals(
+            curve, [-1.0, -1.0, -1.0, longest - since], [0, 0, 0, beyond - 1], PART * longest - since, beyond,
             max(1, BUDGET - counts["starts"]), fold=system.has_odd_symmetry,
         )  # fmt: skip
-        counts.update(of_scan)
+        counts.update(scan.counts)
         if counts["budget"]:
             return None, counts
-        rows[:, at.CURVE] = number
-        rows[:, at.IMPACTS] += gone
-        rows[:, [at.ARRIVED, at.ARRIVED + 1, at.LEFT, at.LEFT + 1]] += since
-        arcs.append(rows)
-        for opening in openings:
-            image = resumed(curve, opening._replace(flight=gone + opening.flight), longest)
+        arcs.append(scan.take_arcs(number, gone, since))
+        for opening in openings_of(scan, gone):
+            image = resumed(curve, opening, longest)
             if image is not None:
                 left.append((root, image))
                 counts["resumed"] += 1
-                counts["at_grazing" if opening.reason == GRAZED else "open"] -= 1
-            elif opening.reason != GRAZED:
+                counts["at_grazing" if opening.reason == Verdict.GRAZED else "open"] -= 1
+            elif opening.reason != Verdict.GRAZED:
                 return None, counts
     if not arcs:
         return [], counts
-    found = _meet(images, np.concatenate(arcs), limits, system.has_odd_symmetry, counts)
+    found = _meet(images, arcs, limits, system.has_odd_symmetry, counts)
     halves = None if found is None else _paired(images, len(roots), found, limits)
     return None if halves is None else _segments(system, roots, halves), counts
 
@@ -151,30 +145,29 @@ def _limits(wanted: Sequence[str], quarter_period: float, impacts: int) -> Limit
     return limits
 
 
-def _stop_arcs(curve: StartCurve, fold: bool) -> np.ndarray:
-    """The starts at a stop as arcs."""
-    arcs, work = np.zeros((STOP_ARCS, at.ARC)), np.zeros((16, 16))
-    edges = np.linspace(curve.low, curve.high, STOP_ARCS + 1).tolist()
-    for arc, (low, high) in zip(arcs, pairwise(edges), strict=True):
-        at.fill_stop_arc(curve.flow, low, high, fold, work, arc)
-    return arcs
+class _Found(NamedTuple):
+    """M meetings, from both curves: parameters, impacts and numbers of the curves (M, 2); flight times and contacts of the impacts from the
+    first curve to the meeting, and then of those from the second, as far as they are not gone before the starts (M, K)."""
+
+    start: np.ndarray
+    impacts: np.ndarray
+    curve: np.ndarray
+    durations: np.ndarray
+    contacts: np.ndarray
 
 
-def _meet(images: list[_Image], arcs: np.ndarray, limits: Limits, fold: bool, counts: Counter[str]) -> np.ndarray | None:
-    """The meetings of arcs, a row each (`bvp.kernels.meetings`); None if a pair is undecided."""
+def _meet(images: list[_Image], arcs: list[Arcs], limits: Limits, fold: bool, counts: Counter[str]) -> _Found | None:
+    """The meetings of arcs; None if a pair is undecided."""
     kinds = [_kind(image.curve) for image in images]
     times, inner = (np.array([[limits[a, b][i] for b in kinds] for a in kinds]) for i in (0, 1))
-    flows = [image.curve.flow for image in images]
-    most = max(int(inner.max()), 1)
-    search = MeetingSearch(
-        flows[0], np.array([flow.start for flow in flows]), np.array([flow.shape for flow in flows]),
-        np.array([image.gone for image in images]), times, inner, fold, np.zeros((2, most + 2, COLUMNS)), np.zeros(at.ARC),
-        np.zeros((16, 16)),
-    )  # fmt: skip
-    found, numbers = np.zeros((MOST, MET + 2 * most + 4)), np.zeros(len(COUNTS), dtype=np.int64)
-    meet_arcs(search, arcs, np.argsort(arcs[:, at.BOX + 4], kind="stable"), found, numbers)
-    counts.update(dict(zip(COUNTS, numbers.tolist(), strict=True)))
-    return None if counts["undecided"] else found[: counts["met"]]
+    gone = [image.gone for image in images]
+    search = MeetingSearch([image.curve.starts for image in images], gone, times, inner, fold, MOST)
+    search.run(arcs)
+    counts.update(search.counts)
+    if counts["undecided"]:
+        return None
+    start, impacts, curve, durations, contacts = search.meetings()
+    return _Found(start, impacts.astype(int), curve.astype(int), durations, contacts.astype(int))
 
 
 class _Half(NamedTuple):
@@ -190,22 +183,21 @@ Met = tuple[_Half, _Half]
 """The halves of a segment."""
 
 
-def _paired(images: list[_Image], count: int, found: np.ndarray, limits: Limits) -> list[Met] | None:
+def _paired(images: list[_Image], count: int, found: _Found, limits: Limits) -> list[Met] | None:
     """The halves of each orbit, once, from the two meetings that it has; None if one is missing. count: of the curves of starts.
 
     An orbit whose ends are one has a reversal between them. It is twice a segment that is met by itself, and is left out."""
     gone, since, root = (np.array([image[i] for image in images]) for i in (2, 3, 0))
     place, scale = np.array([image.curve.piece for image in images]).T
     span = np.array([image.curve.high - image.curve.low for image in images[:count]])
-    curve = found[:, [CURVE_A, CURVE_B]].astype(int)
-    impacts = found[:, [IMPACTS_A, IMPACTS_B]].astype(int)
-    start = place[curve] + scale[curve] * found[:, [MET_A, MET_B]]
+    curve, impacts, size = found.curve, found.impacts.copy(), len(found.start)
+    start = place[curve] + scale[curve] * found.start
     # Times from either end to the meeting, and to the last impact before it.
-    until = np.cumsum(np.concatenate([np.zeros((len(found), 1)), found[:, MET::2]], axis=1), axis=1)
-    rows = np.arange(len(found))
+    until = np.cumsum(np.concatenate([np.zeros((size, 1)), found.durations], axis=1), axis=1)
+    rows = np.arange(size)
     first, last = impacts[:, 0] - gone[curve[:, 0]], impacts.sum(axis=1) - gone[curve].sum(axis=1)
     time = since[curve] + np.stack([until[rows, first], until[rows, last] - until[rows, first]], axis=1)
-    total, before = time.sum(axis=1), time[:, 1] - found[rows, MET + 2 * last - 2]
+    total, before = time.sum(axis=1), time[:, 1] - found.durations[rows, last - 1]
     kinds = [_kind(image.curve) for image in images]
     longest = np.array([[limits[a, b][0] for b in kinds] for a in kinds])[curve[:, 0], curve[:, 1]]
     in_middle = (time[:, 0] <= time[:, 1] + TIED) & (2.0 * before <= total + TIED) & (total <= longest)
@@ -217,7 +209,7 @@ def _paired(images: list[_Image], count: int, found: np.ndarray, limits: Limits)
         array[turned] = array[turned, ::-1]
     is_one = (ends[:, 0] == ends[:, 1]) & (np.abs(start[:, 0] - start[:, 1]) <= TIED * span[ends[:, 0]])
     for row in np.flatnonzero(in_middle & is_one).tolist():
-        if not _is_turned(*_halves(images, found[row])):
+        if not _is_turned(*_halves(images, found, row)):
             return None
     rows = np.flatnonzero(in_middle & ~is_one)
     rows = rows[np.lexsort((start[rows] @ (1.0, 0.5**0.5), impacts[rows].sum(axis=1), ends[rows, 1], ends[rows, 0]))]
@@ -229,20 +221,20 @@ def _paired(images: list[_Image], count: int, found: np.ndarray, limits: Limits)
     twice = begin[sizes == 2]
     if np.any(sizes != np.where(alone[rows[begin]], 1, 2)) or np.any(impacts[rows[twice], 0] == impacts[rows[twice + 1], 0]):
         return None
-    return [_halves(images, found[row]) for row in rows[begin].tolist()]
+    return [_halves(images, found, row) for row in rows[begin].tolist()]
 
 
-def _halves(images: list[_Image], row: np.ndarray) -> Met:
+def _halves(images: list[_Image], found: _Found, row: int) -> Met:
     """The halves of a meeting."""
-    halves, place = [], MET
-    for number, parameter, count in ((row[CURVE_A], row[MET_A], row[IMPACTS_A]), (row[CURVE_B], row[MET_B], row[IMPACTS_B])):
-        root, curve, gone, _ = images[int(number)]
-        flights = row[place : place + 2 * (int(count) - gone)]
-        place += len(flights)
-        times, contacts = flights[::2].tolist(), flights[1::2].astype(int).tolist()
+    halves, place = [], 0
+    for side in (0, 1):
+        root, curve, gone, _ = images[found.curve[row, side]]
+        flights = slice(place, place + int(found.impacts[row, side]) - gone)
+        place = flights.stop
+        times, contacts = found.durations[row, flights].tolist(), found.contacts[row, flights].tolist()
         if curve.before is not None:
             times, contacts = curve.before.durations.tolist() + times, curve.before.contacts.tolist() + contacts
-        halves.append(_Half(root, curve.original(float(parameter)), times, contacts))
+        halves.append(_Half(root, curve.original(float(found.start[row, side])), times, contacts))
     return halves[0], halves[1]
 
 

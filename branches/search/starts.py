@@ -4,7 +4,7 @@ Two degrees of freedom with a stop. Each set of starts is a curve of states, a c
 the origin are a circle of velocities. The starts at rest are a conic of displacements inside the gap. The starts at a stop are an ellipse
 of position along the stop and speed. If the system has odd symmetry, half of each is left out.
 
-An orbit between two ends is a zero of one number along a curve (`bvp.kernels.shooting`). The fast scan looks for changes of its sign
+An orbit between two ends is a zero of one number along a curve. The fast scan looks for changes of its sign
 between neighbouring angles whose motions hit the same stops. It can overlook zeros. A name is searched at many
 energies, so the scan need not find every orbit at each.
 """
@@ -17,17 +17,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from saltus_core import Contacts, Curve, FarEnd, PlanarSystem, Starts
 
 from branches.sequences import Ends, ImpactSequence
 from bvp.checks import require_system
-from bvp.kernels.impact import work_array
-from bvp.kernels.multipoint import ORIGIN, REST, STOP
-from bvp.kernels.shooting import EndSet, Flow, ScanLimits, Scanned, scan_starts
-from bvp.kernels.two_mode_hit import step_table
 from bvp.system import ImpactSystem
 
 __all__ = [
-    "MOST_IMPACTS", "Path", "QUADRATIC", "FROM_LINEAR_MODES", "Sampler", "ScannedSegment", "StartCurve", "curve_over_energy", "curves",
+    "KINDS", "MOST_IMPACTS", "Path", "FROM_LINEAR_MODES", "Sampler", "ScannedSegment", "StartCurve", "curve_over_energy", "curves",
 ]  # fmt: skip
 
 FROM_LINEAR_MODES = (
@@ -36,7 +33,7 @@ FROM_LINEAR_MODES = (
 )
 """Advice if no scan can find them."""
 
-TRIGONOMETRIC, LINEAR, HYPERBOLIC, QUADRATIC = 0, 1, 2, 3
+KINDS = {"origin": FarEnd.ORIGIN, "rest": FarEnd.REST, "stop": FarEnd.STOP}
 
 INSET = 1e-11
 """How far from a curve's end at a stop the scan begins. Nearer, the speed of the first impact is lost in rounding."""
@@ -94,8 +91,8 @@ class StartCurve:
     ----------
     end : str
         "origin", "rest", "stop+", "stop-".
-    flow : Flow
-        The system and this curve for the kernels.
+    starts : Starts
+        The system and this curve for the compiled core.
     low, high : float
         The parameter's range.
     singular : (bool, bool)
@@ -112,7 +109,7 @@ class StartCurve:
     """
 
     end: str
-    flow: Flow
+    starts: Starts
     low: float
     high: float
     singular: tuple[bool, bool] = (False, False)
@@ -139,7 +136,7 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
         speed = math.sqrt(2.0 * energy)
         coefficients = np.zeros((3, 4))
         coefficients[1, 2] = coefficients[2, 3] = speed
-        return [StartCurve("origin", _flow(system, coefficients, TRIGONOMETRIC, -1), OFFSET, OFFSET + math.pi)]
+        return [StartCurve("origin", _starts(system, coefficients, Curve.TRIGONOMETRIC, -1), OFFSET, OFFSET + math.pi)]
     # Displacements q = w normal + s across: V = (a w^2 + 2 b w s + c s^2)/2.
     modes = system.modes
     gap = modes.contacts.gap[0, :2]
@@ -166,8 +163,8 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
         coefficients[0, :2] = bound * slide
         coefficients[2, :2] = math.sqrt(2.0 * left / c) * across
         coefficients[1, 2:] = -modes.contacts.side[contact] * math.sqrt(2.0 * left) * gap / math.sqrt(gap @ gap)
-        flow = _flow(system, coefficients, TRIGONOMETRIC, contact)
-        out.append(StartCurve("stop" + letter, flow, -0.5 * math.pi, 0.5 * math.pi, (True, True)))
+        starts = _starts(system, coefficients, Curve.TRIGONOMETRIC, contact)
+        out.append(StartCurve("stop" + letter, starts, -0.5 * math.pi, 0.5 * math.pi, (True, True)))
     return out
 
 
@@ -181,7 +178,7 @@ def curve_over_energy(system: ImpactSystem, start: np.ndarray, energy: tuple[flo
     gap, stop = system.modes.contacts.gap[0, :2], system.stops[0]
     passages = longest * math.sqrt(2.0 * energy[1] * float(gap @ gap)) / (stop.upper - stop.lower)
     return StartCurve(
-        "origin", _flow(system, coefficients, HYPERBOLIC, -1), 0.0, 0.5 * math.log(energy[1] / energy[0]),
+        "origin", _starts(system, coefficients, Curve.HYPERBOLIC, -1), 0.0, 0.5 * math.log(energy[1] / energy[0]),
         piece=(math.log(energy[0]), 2.0), has_mirror=False, most_impacts=MOST_IMPACTS + 2 * math.ceil(passages),
     )  # fmt: skip
 
@@ -200,7 +197,7 @@ def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, s
         coefficients = np.zeros((3, 4))
         coefficients[1, :2] = size * across
         coefficients[2, :2] = reach * slide
-        flow = _flow(system, coefficients, TRIGONOMETRIC, -1)
+        starts = _starts(system, coefficients, Curve.TRIGONOMETRIC, -1)
         lower, upper = stop.lower / reach, stop.upper / reach
         if upper <= -1.0 or lower >= 1.0:
             return []
@@ -208,28 +205,28 @@ def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, s
         last = math.asin(upper) if upper < 1.0 else None
         if first is None and last is None:
             turn = math.pi if system.has_odd_symmetry else 2.0 * math.pi
-            return [StartCurve("rest", flow, OFFSET, OFFSET + turn)]
+            return [StartCurve("rest", starts, OFFSET, OFFSET + turn)]
         if first is not None and last is not None:
-            out.append(StartCurve("rest", flow, first, last, (True, True)))
+            out.append(StartCurve("rest", starts, first, last, (True, True)))
             if len(branches) == 2:
-                out.append(StartCurve("rest", flow, math.pi - last, math.pi - first, (True, True)))
+                out.append(StartCurve("rest", starts, math.pi - last, math.pi - first, (True, True)))
             return out
         if last is not None:
-            return [StartCurve("rest", flow, math.pi - last, 2.0 * math.pi + last, (True, True))]
+            return [StartCurve("rest", starts, math.pi - last, 2.0 * math.pi + last, (True, True))]
         assert first is not None
-        return [StartCurve("rest", flow, first, math.pi - first, (True, True))]
+        return [StartCurve("rest", starts, first, math.pi - first, (True, True))]
     for branch in branches:
         coefficients = np.zeros((3, 4))
         if stiffness == 0.0:
             coefficients[0, :2] = branch * size * across
             coefficients[2, :2] = slide
-            shape, low, high = LINEAR, stop.lower, stop.upper
+            shape, low, high = Curve.LINEAR, stop.lower, stop.upper
         else:
             reach = math.sqrt(-2.0 * energy / stiffness)
             coefficients[1, :2] = branch * size * across
             coefficients[2, :2] = reach * slide
-            shape, low, high = HYPERBOLIC, math.asinh(stop.lower / reach), math.asinh(stop.upper / reach)
-        out.append(StartCurve("rest", _flow(system, coefficients, shape, -1), low, high, (True, True)))
+            shape, low, high = Curve.HYPERBOLIC, math.asinh(stop.lower / reach), math.asinh(stop.upper / reach)
+        out.append(StartCurve("rest", _starts(system, coefficients, shape, -1), low, high, (True, True)))
     return out
 
 
@@ -238,18 +235,16 @@ def _across(gap: np.ndarray) -> np.ndarray:
     return np.array([-gap[1], gap[0]]) / math.hypot(gap[0], gap[1])
 
 
-def _flow(system: ImpactSystem, coefficients: np.ndarray, shape: int, contact: int) -> Flow:
-    modes = system.modes
-    return Flow(
-        modes.flight,
-        modes.contacts,
-        np.array(modes.squares, dtype=np.float64),
-        _across(modes.contacts.gap[0, :2]),
-        np.array([system.stops[0].lower, system.stops[0].upper], dtype=np.float64),
-        coefficients,
-        np.array([shape, contact], dtype=np.int64),
-        step_table(modes.squares),
-    )
+def planar_system(system: ImpactSystem) -> PlanarSystem:
+    """A system of two degrees of freedom and one stop, for the compiled core."""
+    modes, stop = system.modes, system.stops[0]
+    contacts = modes.contacts
+    rows = contacts.gap, contacts.rate, contacts.acceleration, contacts.side, contacts.bound, contacts.push, contacts.restitution
+    return PlanarSystem(modes.squares.tolist(), Contacts(*map(np.ascontiguousarray, rows)), stop.lower, stop.upper)
+
+
+def _starts(system: ImpactSystem, coefficients: np.ndarray, shape: Curve, contact: int) -> Starts:
+    return Starts(planar_system(system), coefficients.tolist(), shape, contact)
 
 
 CROSSINGS = 6
@@ -268,17 +263,11 @@ class Sampler:
     def __init__(self, system: ImpactSystem, end: str, quarter_period: float, impacts: Sequence[int]):
         require_system(system, two_dof="orbits are found by their names on", advice=FROM_LINEAR_MODES)
         self.end = end
-        self.kind = {"origin": ORIGIN, "rest": REST, "stop": STOP}[end]
+        self.kind = KINDS[end]
         self.longest = quarter_period * (2.0 if end == "origin" else 1.0)
         self.impacts = impacts
-        self.modes = modes = system.modes
-        gap = modes.contacts.gap[0]
-        across = np.array([-gap[1], gap[0]]) / np.hypot(gap[0], gap[1])
-        transverse = np.concatenate([across, np.zeros(2)] if self.kind == ORIGIN else [np.zeros(2), across])
-        self.transverse = np.ascontiguousarray(np.array([transverse, transverse]))
-        row = gap if self.kind == ORIGIN else modes.contacts.rate[0]
-        self.functional = np.ascontiguousarray(np.array([row, row @ modes.matrix, row @ modes.matrix @ modes.matrix]))
-        self.work = work_array(4, len(modes.contacts.side))
+        self.modes = system.modes
+        self.system = planar_system(system)
 
     def follow(self, energy: float, angles: np.ndarray, impacts: Sequence[int], nodes: bool = False) -> tuple[np.ndarray, ...]:
         """Follow starts at the origin through up to K = max(impacts) impacts. Their modal velocities have these angles (M,).
@@ -294,22 +283,18 @@ class Sampler:
         states, instants : (M, K, 4), (M, K) float
             After each impact, and their times; empty unless `nodes`.
         """
-        wanted = np.zeros(max(impacts) + 1, dtype=np.int64)
-        wanted[list(impacts)] = 1
-        most, count, modes = max(impacts), len(angles), self.modes
+        most, count = max(impacts), len(angles)
         speed = np.sqrt(2.0 * energy)
         starts = np.column_stack([np.zeros((count, 2)), speed * np.cos(angles), speed * np.sin(angles)])
-        crossings = 1 if self.kind == STOP else CROSSINGS
+        crossings = 1 if self.kind == FarEnd.STOP else CROSSINGS
         sequences = np.full((count, most + 1), -1, dtype=np.int64)
-        times = np.full((count, most + 1, crossings), np.nan)
-        residuals = np.full((count, most + 1, crossings), np.nan)
-        ends, status = np.empty(count), np.empty(count, dtype=np.int64)
+        times, residuals = (np.full((count * (most + 1), crossings), np.nan) for _ in range(2))
         kept = count if nodes else 0
-        states, instants = np.zeros((kept, most, 4)), np.zeros((kept, most))
-        end, limits = EndSet(self.kind, self.transverse, self.functional), ScanLimits(wanted, most, self.longest)
-        found = Scanned(sequences, times, residuals, ends, status, states, instants)
-        scan_starts(modes.flight, modes.contacts, end, starts, limits, found, self.work)
-        return starts, sequences, times, residuals, states, instants
+        states, instants = np.zeros((kept * most, 4)), np.zeros((kept, most))
+        wanted = [k in impacts for k in range(most + 1)]
+        self.system.scan(self.kind, starts, wanted, self.longest, sequences, times, residuals, states, instants)
+        shape = count, most + 1, crossings
+        return starts, sequences, times.reshape(shape), residuals.reshape(shape), states.reshape(kept, most, 4), instants
 
     def segments(self, energy: float, angles: int | np.ndarray) -> Iterator[ScannedSegment]:
         """The segment of each change of sign between neighbouring angles (M,), in order of the impacts and angles.
@@ -322,7 +307,7 @@ class Sampler:
         dtype = object if sequences.shape[1] > 38 else np.int64
         code = np.cumsum((sequences + 1) * 3 ** np.arange(sequences.shape[1], dtype=dtype), axis=1)
         for k in self.impacts:
-            hits = k if self.kind == STOP else k - 1
+            hits = k if self.kind == FarEnd.STOP else k - 1
             same = np.ones(len(angles) - 1, bool) if hits < 0 else code[:-1, hits] == code[1:, hits]
             for c in range(residuals.shape[2]):
                 for i in np.flatnonzero(same & (residuals[:-1, k, c] * residuals[1:, k, c] <= 0.0)):
@@ -334,7 +319,7 @@ class Sampler:
         """The segment of the zero of the c-th crossing after k impacts between two angles; None if it has other impacts."""
         _, sequences, _, residuals, _, _ = self.follow(energy, np.array([low, high]), [k])
         f_low, f_high = residuals[0, k, c], residuals[1, k, c]
-        hits = k + 1 if self.kind == STOP else k
+        hits = k + 1 if self.kind == FarEnd.STOP else k
         key = tuple(sequences[0, :hits])
         for _ in range(NARROWINGS):
             middle = 0.5 * (low + high)
@@ -353,6 +338,6 @@ class Sampler:
         if -1 in sequences[0, :k] or not np.isfinite(times[0, k, c]):
             return None
         letters = [self.modes.contact_letters[contact] for contact in sequences[0]]
-        end = self.end if self.kind != STOP else "stop" + letters[k]
+        end = self.end if self.kind != FarEnd.STOP else "stop" + letters[k]
         stamps = np.concatenate([[0.0], instants[0, :k], [times[0, k, c]]])
         return ScannedSegment(("origin", end), tuple(letters[:k]), start[0], states[0, :k], np.diff(stamps), best, low, high, abs(residual))

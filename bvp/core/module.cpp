@@ -3,6 +3,8 @@
 
 namespace nb = nanobind;
 
+void bind_numbers(nb::module_& m);
+
 namespace {
 
 /// The compiler, and the instructions beyond the least of this kind of processor that it was allowed to use.
@@ -30,4 +32,8 @@ constexpr const char* compiler =
 NB_MODULE(saltus_core, m) {
     m.doc() = "The compiled core. It holds arithmetic only.";
     m.attr("compiler") = compiler;
+    bind_numbers(m);
+    saltus::bind_flight(m);
+    saltus::bind_events(m);
+    saltus::bind_search(m);
 }

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from saltus_core import Verdict
 from scipy.optimize import brentq
 
 import saltus
@@ -27,7 +28,6 @@ from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop
 from tests.branches.scans import sampled
 from tests.bvp import orbits as orbits_by_numpy
-from tests.lab.limits import GRAZED
 
 SYSTEM = saltus.vibro_impact_nes()
 ALL = tuple(CLASSES)
@@ -157,7 +157,7 @@ def test_symmetric_orbits_are_found_from_each_of_their_ends():
     quarter = discover_orbits(SYSTEM, 9.0, quarter_period=5.1, impacts=8, ends=("origin-rest",))
     curve = curves(SYSTEM, "rest", 9.0)[0]
     crossings, open_ones, _ = scan(curve, {"rest": (10.2, 8), "origin": (5.1, 4)}, 10**6)
-    assert len(quarter.orbits) >= 3 and all(opening.reason == GRAZED for opening in open_ones)
+    assert len(quarter.orbits) >= 3 and all(opening.reason == Verdict.GRAZED for opening in open_ones)
     for orbit in quarter.orbits:
         times = []
         for crossing in crossings:

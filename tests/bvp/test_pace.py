@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from saltus_core import IntervalScan
 
 import branches.search.intervals
 import bvp.interrupts
@@ -89,13 +90,14 @@ def test_a_section_does_not_depend_on_the_calls_that_it_takes(rho, slow):
 @pytest.mark.parametrize("bounds", [{"quarter_period": 5.0}, {"quarter_period": 3.0, "ends": ("stop-stop", "rest-rest"), "budget": 40}])
 def test_a_search_does_not_depend_on_the_calls_that_it_takes(bounds, slow, monkeypatch):
     """Oracle: the same search in few calls, bit for bit. The calls that take least end inside an interval, between two of its flights."""
-    scan_interval, calls, found = branches.search.intervals.scan_interval, [], []
+    calls, found = [], []
 
-    def counted(*arguments):
-        calls[-1] += 1
-        return scan_interval(*arguments)
+    class Counted(IntervalScan):
+        def go(self, passes):
+            calls[-1] += 1
+            return super().go(passes)
 
-    monkeypatch.setattr(branches.search.intervals, "scan_interval", counted)
+    monkeypatch.setattr(branches.search.intervals, "IntervalScan", Counted)
     for _ in range(2):
         calls.append(0)
         found.append(discover_orbits(vibro_impact_nes(), 0.6, **bounds))
@@ -107,15 +109,16 @@ def test_a_search_does_not_depend_on_the_calls_that_it_takes(bounds, slow, monke
 
 def test_a_call_follows_as_many_flights_as_it_may(slow, monkeypatch):
     """Oracle: the starts that each call follows: each has a flight at least. What is begun is ended: one start, its orbits, one grazing."""
-    scan_interval, starts = branches.search.intervals.scan_interval, []
+    starts = []
 
-    def counted(*arguments):
-        before = arguments[5][0]
-        done = scan_interval(*arguments)
-        starts.append(int(arguments[5][0] - before))
-        return done
+    class Counted(IntervalScan):
+        def go(self, passes):
+            before = self.counts["starts"]
+            done = super().go(passes)
+            starts.append(self.counts["starts"] - before)
+            return done
 
-    monkeypatch.setattr(branches.search.intervals, "scan_interval", counted)
+    monkeypatch.setattr(branches.search.intervals, "IntervalScan", Counted)
     slow(50)
     discover_orbits(vibro_impact_nes(), 20.0, quarter_period=10.0, impacts=60, budget=20_000)
     assert sum(starts) > 10_000 and max(starts) <= 50 + 300

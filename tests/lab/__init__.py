@@ -9,7 +9,6 @@ as it is, and is not here.
     problems    an orbit's equations beside what the problems hand out: null vector, coordinates of arclength, sections, chatter
     matrices    determinants, eigenvalues, products, eliminations, modes
     programs    values and Taylor coefficients of expressions
-    starts      starts that are followed with their derivatives, verdicts on intervals of them, and arcs
     functions   test functions, and the search for events between samples
     limits      numbers at which the core changes its method
 """

@@ -4,6 +4,5 @@ from branches.kernels.functions import COMMON
 from bvp.kernels.extrema import TIE
 from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.kernels.monodromy import FORMED_LIMIT, GRADE
-from bvp.kernels.verdict import ENDLESS, GRAZED
 
-__all__ = ["COMMON", "CONTACT_TOLERANCE", "ENDLESS", "FORMED_LIMIT", "GRADE", "GRAZED", "TIE"]
+__all__ = ["COMMON", "CONTACT_TOLERANCE", "FORMED_LIMIT", "GRADE", "TIE"]

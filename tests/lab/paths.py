@@ -8,14 +8,12 @@ import numpy as np
 from bvp.closures import contact_of
 from bvp.kernels import energy_budget, extrema, impact
 from bvp.kernels.contact_mode import restitute_state
-from bvp.kernels.two_mode_hit import DECLINED, LEVELS, STEP, step_table, two_mode_hit
 from bvp.multipoint import observed_of
 from bvp.simulate import checked_state
 from tests.lab.flights import LinearFlight
 
 __all__ = [
-    "ImpactStatus", "LEVELS", "NextImpact", "STEP", "StepHit", "clearance", "integral", "hit_in_steps", "next_hit", "next_impact",
-    "restitute", "sign_changes", "step_table",
+    "ImpactStatus", "NextImpact", "clearance", "integral", "next_hit", "next_impact", "restitute", "sign_changes",
 ]  # fmt: skip
 
 
@@ -101,29 +99,6 @@ def next_hit(system, z, leaving, horizon):
     work = impact.work_array(len(z), len(contacts.side))
     status, contact, time = impact.next_hit(system.modes.flight, contacts, leaving, z.copy(), horizon, work, np.zeros(len(z)))
     return ImpactStatus(status), contact, time
-
-
-@dataclass(frozen=True, eq=False)
-class StepHit:
-    """What steps of fixed length found. status: None where they decline to decide. angles: cos w t and sin w t of both modes at a hit."""
-
-    status: ImpactStatus | None
-    contact: int
-    time: float
-    angles: np.ndarray
-
-
-def hit_in_steps(system, z, leaving, horizon):
-    """The same for two oscillating modes in steps of fixed length, as a `StepHit`."""
-    modes, stop = system.modes, system.stops[0]
-    squares, side = np.ascontiguousarray(modes.squares), modes.contacts.side
-    left, limits = float(side[leaving]) if leaving >= 0 else 0.0, np.array([stop.lower, stop.upper], dtype=float)
-    angles = np.zeros(4)
-    status, hit, time = two_mode_hit(step_table(squares), squares, modes.contacts.gap, limits, z, left, horizon, angles)
-    if status == DECLINED:
-        return StepHit(None, -1, time, angles)
-    found = ImpactStatus(status)
-    return StepHit(found, int(np.flatnonzero(side == hit)[0]) if found is ImpactStatus.HIT else -1, time, angles)
 
 
 def restitute(system, contact, v):

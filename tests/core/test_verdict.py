@@ -1,21 +1,21 @@
 """Verdicts on an interval of starts. Oracles: dense samples of the interval; straight lines past the origin; counts of impacts."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from saltus_core import TUBE_MARGIN, FarEnd, FlightRecord, IntervalScan, Verdict, crossing
 
 import saltus
 from branches.search import intervals as scanning
 from branches.search.starts import curves
-from tests.lab.limits import ENDLESS
-from tests.lab.starts import CLOSED, MARGIN, SKIMS, StartFlight, crossing, flight_verdict, follow
 
 LONGEST, MOST = 6.0, 5
 
 
 def flights_of(curve, parameter):
-    return follow(curve, parameter, LONGEST, MOST)
+    return curve.starts.follow(parameter, LONGEST, math.inf, MOST)
 
 
 @pytest.mark.parametrize("system", [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81)])
@@ -23,20 +23,20 @@ def test_starts_inside_a_closed_interval_have_the_same_impacts(system):
     """Random intervals, as wide as can just be closed: whatever flight is closed, every start between has it with the same contact,
     or none in the time searched."""
     rng = np.random.default_rng(2)
-    times, impacts = np.full(4, LONGEST), np.array([MOST, MOST, MOST, -1])
     closed = 0
     for end, energy in (("origin", 1.3), ("origin", 0.2), ("rest", 1.0), ("stop", 0.7)):
         (curve,) = curves(system, end, energy)
         for place, width in zip(rng.uniform(0.02, 0.93, 100), 10.0 ** rng.uniform(-3.5, -1.3, 100), strict=True):
             low, high = curve.low + np.array([place, place + width]) * (curve.high - curve.low)
             middle, r = 0.5 * (low + high), 0.5 * (high - low)
-            samples = [flights_of(curve, x) for x in (low, high, middle)]
+            a, b, m = (flights_of(curve, x) for x in (low, high, middle))
             inside = [flights_of(curve, x) for x in np.linspace(low, high, 24)[1:-1]]
+            scan = IntervalScan(curve.starts, [LONGEST] * 4, [MOST, MOST, MOST, -1], False, LONGEST, math.inf, MOST)
             for k in range(MOST):
-                if flight_verdict(curve, k, *samples, r, times, impacts, LONGEST, MOST) != CLOSED:
+                if scan.verdict(k, a, m, b, r, 4.5e-16) != Verdict.CLOSED:
                     break
-                horizon = LONGEST - min(flights[k].time for flights in samples)
-                hits = {flights[k].contact for flights in samples if flights[k].duration <= horizon} or {None}
+                horizon = LONGEST - min(x[k].time for x in (a, b, m))
+                hits = {x[k].contact for x in (a, b, m) if x[k].duration <= horizon} or {None}
                 assert len(hits) == 1
                 for flights in inside:
                     assert len(flights) > k
@@ -50,32 +50,32 @@ def test_starts_inside_a_closed_interval_have_the_same_impacts(system):
 def test_a_straight_path_past_the_origin(angle, distance, tube, expected):
     """Free motion u = d n + v (t - 1), moved by n x over |x| <= r = 0.01: it can meet the origin only where d is below r, a margin of 1.2
     added; a tube as wide as the derivative itself decides nothing."""
-    (curve,) = curves(saltus.vibro_impact_nes(), "origin", 1.0)
     speed = np.array([np.cos(angle), np.sin(angle)])
     normal = np.array([-speed[1], speed[0]])
-    state = np.concatenate([distance * normal - speed, speed])
-    along = np.concatenate([normal, np.zeros(2)])
-    verdict, time = crossing(curve, "origin", state, along, 0.01, tube, (0.5, 1.5, 0.9))
+    state, along = np.concatenate([distance * normal - speed, speed]), np.concatenate([normal, np.zeros(2)])
+    verdict, time = crossing([0.0, 0.0], FarEnd.ORIGIN, state.tolist(), along.tolist(), 0.01, tube, [0.5, 1.5, 0.9])
     assert verdict == expected and abs(time - 1.0) < 1e-12
 
 
 def width_of(curve, along, window, r=1e-3, acceleration=2.0):
-    """The width of the tube of the gap coordinate that `flight_verdict` reckons with, for starts whose states after an impact differ by
+    """The width of the tube of the gap coordinate that the verdict reckons with, for starts whose states after an impact differ by
     `along` (4,): from the slowest speed of the next impact, against an acceleration, that it does not take for one that may be skimmed."""
 
     def verdict(speed):
-        flight = StartFlight(
-            state=(0.3, -0.2, 0.9, 0.4), state_rate=along, time=1.0, duration=window, contact=0.0, clearance=np.inf, speed=speed,
-            acceleration=acceleration, residual=1e6,
-        )  # fmt: skip
-        times, impacts = np.array([-1.0, -1.0, 2.0 + window, -1.0]), np.array([1, 1, 1, -1, 0])
-        return flight_verdict(curve, 1, *([StartFlight(), flight] for _ in range(3)), r, times, impacts, 2.0 + window, 1)
+        flights = [FlightRecord(), FlightRecord()]
+        flight = flights[1]
+        flight.state, flight.derivative = [0.3, -0.2, 0.9, 0.4], along.tolist()
+        flight.time, flight.duration, flight.contact, flight.clearance = 1.0, window, 0, math.inf
+        flight.speed, flight.acceleration, flight.residual = speed, acceleration, 1e6
+        times = [-1.0, -1.0, 2.0 + window, -1.0]
+        scan = IntervalScan(curve.starts, times, [1, 1, 1, -1], False, 2.0 + window, math.inf, 1)
+        return scan.verdict(1, flights, flights, flights, r, 4.5e-16)
 
     low, high = 1e-12, 10.0
-    assert verdict(low) == SKIMS and verdict(high) == CLOSED
+    assert verdict(low) == Verdict.SKIMS and verdict(high) == Verdict.CLOSED
     for _ in range(60):
         middle = np.sqrt(low * high)
-        low, high = (middle, high) if verdict(middle) == SKIMS else (low, middle)
+        low, high = (middle, high) if verdict(middle) == Verdict.SKIMS else (low, middle)
     return high**2 / (2.0 * acceleration) / r
 
 
@@ -97,13 +97,13 @@ def test_the_tube_holds_the_gap_and_grows_from_the_impact_on(system, window):
         wide = [width_of(curve, along, window) for along in (same, parting)]
         for along, width in zip((same, parting), wide, strict=True):
             apart = sum(gap[c] * (along[c] * np.cos(w[c] * t) + along[c + 2] * np.sin(w[c] * t) / w[c]) for c in range(2))
-            assert width >= MARGIN * np.max(np.abs(apart)) * (1.0 - 1e-9)
+            assert width >= TUBE_MARGIN * np.max(np.abs(apart)) * (1.0 - 1e-9)
         force = sum(abs(gap[c]) * squares[c] * np.hypot(same[c], same[c + 2] / w[c]) for c in range(2))
-        assert wide[0] <= MARGIN * 0.5 * force * window**2 * (1.0 + 1e-9)
+        assert wide[0] <= TUBE_MARGIN * 0.5 * force * window**2 * (1.0 + 1e-9)
         whole = sum(abs(gap[c]) * np.hypot(parting[c], parting[c + 2] / w[c]) for c in range(2))
-        assert wide[1] <= MARGIN * whole * (1.0 + 1e-9)
+        assert wide[1] <= TUBE_MARGIN * whole * (1.0 + 1e-9)
         if window < 0.05:
-            assert wide[1] == pytest.approx(MARGIN * abs(speed) * window, rel=0.02 * (1.0 + force / abs(speed)))
+            assert wide[1] == pytest.approx(TUBE_MARGIN * abs(speed) * window, rel=0.02 * (1.0 + force / abs(speed)))
 
 
 def test_more_impacts_than_are_followed_leave_the_interval_open():
@@ -111,7 +111,7 @@ def test_more_impacts_than_are_followed_leave_the_interval_open():
     (curve,) = curves(saltus.vibro_impact_nes(), "origin", 20.0)
     curve = replace(curve, most_impacts=3)
     passages, openings, counts = scanning.scan(curve, {"origin": (4.0, None)}, 100_000)
-    assert counts["open"] == len(openings) > 0 and {opening.reason for opening in openings} == {ENDLESS}
+    assert counts["open"] == len(openings) > 0 and {opening.reason for opening in openings} == {Verdict.ENDLESS}
     assert max(passage.impacts for passage in passages) <= 3
     _, openings, counts = scanning.scan(curve, {"origin": (4.0, 3)}, 100_000)
     assert not openings and counts["open"] == 0

@@ -1,13 +1,15 @@
 """One start followed with its derivative. Oracles: the event-driven run; central differences; dense samples of the flight."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from saltus_core import FlightRecord, PlanarSystem, StartMap, positive_between
 
 import saltus
 from branches.search.starts import curves
-from tests.lab.starts import AHEAD, Places, StartFlight, amplitude, follow, positive_between
+from tests.core.test_next_impact import Searches
 
 LONGEST = 9.0 / 1.05
 """Turning points are looked for in 1.05 times as long."""
@@ -16,7 +18,7 @@ SYSTEMS = [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81), saltu
 
 
 def flights_of(curve, parameter, longest=9.0, most=6):
-    return follow(curve, parameter, longest, most)
+    return curve.starts.follow(parameter, longest, math.inf, most)
 
 
 def test_a_flight_that_begins_too_late_is_not_followed():
@@ -25,18 +27,11 @@ def test_a_flight_that_begins_too_late_is_not_followed():
     full = flights_of(curve, 0.4)
     assert len(full) > 4 and full[3].time > 0.5
     for before, is_followed in ((0.44, True), (0.46, False)):
-        flights = follow(curve, 0.4, 9.0, 3, latest=full[3].time - before)
+        flights = curve.starts.follow(0.4, 9.0, full[3].time - before, 3)
         assert len(flights) == 4
-        assert all(np.array_equal(one.row, other.row, equal_nan=True) for one, other in zip(flights[:3], full[:3], strict=True))
-        last, expected = flights[3], full[3]
-        for name in ("state", "state_rate", "time", "time_rate"):
-            assert np.array_equal(getattr(last, name), getattr(expected, name))
-        assert last.contact == (expected.contact if is_followed else AHEAD)
-
-
-def numbers_of(flights, names):
-    """A row of numbers for each flight."""
-    return np.array([np.hstack([getattr(flight, name) for name in names]) for flight in flights])
+        assert [(one.time, one.duration, one.contact) for one in flights[:3]] == [(one.time, one.duration, one.contact) for one in full[:3]]
+        assert np.array_equal(flights[3].state, full[3].state) and flights[3].time == full[3].time
+        assert flights[3].contact == (full[3].contact if is_followed else FlightRecord.AHEAD)
 
 
 def start_of(curve, parameter):
@@ -55,12 +50,12 @@ def test_impacts_are_those_of_the_run(system, end):
         state = modes.to_state @ flights[0].state
         leaving = "+" if end == "stop" else None
         met = saltus.simulate(system, state[:2], state[2:], 9.0, leaving=leaving).stop_events
-        hits = [flight for flight in flights if flight.has_impact and flight.time + flight.duration < 9.0]
+        hits = [flight for flight in flights if flight.contact >= 0 and flight.time + flight.duration < 9.0]
         assert len(hits) == min(len(met.times), 7)
         total += len(hits)
         assert np.allclose([flight.time + flight.duration for flight in hits], met.times[: len(hits)], rtol=1e-12)
         assert np.allclose([flight.speed for flight in hits], met.speeds[: len(hits)], rtol=1e-9)
-        assert tuple(modes.contact_letters[int(flight.contact)] for flight in hits) == met.contacts[: len(hits)]
+        assert tuple(modes.contact_letters[flight.contact] for flight in hits) == met.contacts[: len(hits)]
     assert total > 3
 
 
@@ -91,16 +86,20 @@ def test_energy_of_the_starts(system, end):
 def test_derivatives(system, end):
     """Oracle: central differences; their error falls fourfold when the step is halved."""
     (curve,) = curves(system, end, 6.0)
-    names = ("state", "time", "duration", "speed", "residual")
+    numbers = ("time", "duration", "speed", "residual")
+
+    def values(flights):
+        return np.array([[*one.state, *(getattr(one, name) for name in numbers)] for one in flights])
+
     parameter = curve.low + 0.37 * (curve.high - curve.low)
     middle = flights_of(curve, parameter)
-    flights = len(middle) if middle[-1].has_impact else len(middle) - 1
+    flights = len(middle) - 1 if middle[-1].contact < 0 else len(middle)
+    exact = np.array([[*one.derivative, *(getattr(one, name + "_rate") for name in numbers)] for one in middle[:flights]])
     errors = []
     for step in (2e-5, 1e-5):
-        above, below = (flights_of(curve, parameter + sign * step) for sign in (1.0, -1.0))
-        assert [flight.contact for flight in above[:flights]] == [flight.contact for flight in middle[:flights]]
-        difference = (numbers_of(above[:flights], names) - numbers_of(below[:flights], names)) / (2.0 * step)
-        exact = numbers_of(middle[:flights], [f"{name}_rate" for name in names])
+        above, below = (flights_of(curve, parameter + sign * step)[:flights] for sign in (1.0, -1.0))
+        assert [one.contact for one in above] == [one.contact for one in middle[:flights]]
+        difference = (values(above) - values(below)) / (2.0 * step)
         errors.append(np.max(np.abs(difference - exact) / (1.0 + np.abs(exact))))
     assert flights >= 2 and errors[1] < 1e-3
     assert errors[1] < 0.3 * errors[0] or errors[1] < 1e-8
@@ -112,11 +111,11 @@ def test_turning_points():
     (curve,) = curves(system, "origin", 0.4)
     modes = system.modes
     for part in np.linspace(0.02, 0.98, 17):
-        for begun in flights_of(curve, curve.low + part * np.pi):
-            duration = min(begun.duration, 9.0 - begun.time)
+        for flight in flights_of(curve, curve.low + part * np.pi):
+            duration = min(flight.duration, 9.0 - flight.time)
             if duration < 1e-3:
                 continue
-            flight = begun.with_clearance(curve, LONGEST)
+            curve.starts.find_clearance(flight, LONGEST)
             times = np.linspace(0.0, duration, 20001)
             w = np.zeros_like(times)
             for j in range(2):
@@ -134,13 +133,15 @@ def test_clearance_changes_as_its_derivative_says():
     (curve,) = curves(saltus.vibro_impact_nes(), "origin", 3.0)
     checked = 0
     for parameter in np.linspace(0.5, 3.2, 60):
-        rows = []
+        sides = []
         for step in (-1e-6, 0.0, 1e-6):
-            rows.append([flight.with_clearance(curve, LONGEST) for flight in flights_of(curve, parameter + step)])
-        for below, flight, above in zip(*rows, strict=False):
-            if np.isfinite(flight.clearance) and flight.has_impact and np.isfinite(below.clearance + above.clearance):
+            sides.append(flights_of(curve, parameter + step))
+            for flight in sides[-1]:
+                curve.starts.find_clearance(flight, LONGEST)
+        for below, here, above in zip(*sides, strict=False):
+            if np.isfinite(here.clearance) and here.contact >= 0 and np.isfinite(below.clearance + above.clearance):
                 slope = (above.clearance - below.clearance) / 2e-6
-                assert slope == pytest.approx(flight.clearance_rate, rel=1e-4, abs=1e-4)
+                assert slope == pytest.approx(here.clearance_rate, rel=1e-4, abs=1e-4)
                 checked += 1
     assert checked > 10
 
@@ -149,24 +150,21 @@ def test_acceleration_towards_the_stop():
     """Oracle: w'' of the flight by its own equation, along the side of the contact."""
     system = saltus.vibro_impact_nes()
     (curve,) = curves(system, "origin", 0.4)
-    flights = flights_of(curve, 1.1)
-    modes = system.modes
-    assert len(flights) > 1
+    modes, flights = system.modes, flights_of(curve, 1.1)
     for flight, following in pairwise(flights):
-        contact = int(flight.contact)
-        force = -(modes.squares * following.state[:2]) @ modes.contacts.gap[contact, :2]
-        assert flight.acceleration == pytest.approx(modes.contacts.side[contact] * force, rel=1e-9, abs=1e-12)
+        force = -(modes.squares * following.state[:2]) @ modes.contacts.gap[flight.contact, :2]
+        assert flight.acceleration == pytest.approx(modes.contacts.side[flight.contact] * force, rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize("kind", [0, 1, 2, 3])
-def test_places_and_their_inverse(kind):
+@pytest.mark.parametrize("roots", [(False, False), (True, False), (False, True), (True, True)])
+def test_places_and_their_inverse(roots):
     """Oracle: the definition: inverse functions, derivative by central differences, both ends kept."""
-    places = Places(0.4, 1.1, kind)
+    curve = StartMap(0.4, 1.1, *roots)
     for x in (0.003, 0.2, 0.5, 0.81, 0.997):
-        theta, rate = places.place(x)
-        assert places.unplace(theta) == pytest.approx(x, rel=1e-10)
-        assert rate == pytest.approx((places.place(x + 1e-6)[0] - places.place(x - 1e-6)[0]) / 2e-6, rel=1e-5)
-    assert [places.place(x)[0] for x in (0.0, 1.0)] == pytest.approx([0.4, 1.1], abs=1e-16)
+        theta, rate = curve.place(x)
+        assert curve.unplace(theta) == pytest.approx(x, rel=1e-10)
+        assert rate == pytest.approx((curve.place(x + 1e-6)[0] - curve.place(x - 1e-6)[0]) / 2e-6, rel=1e-5)
+    assert [curve.place(x)[0] for x in (0.0, 1.0)] == pytest.approx([0.4, 1.1], abs=1e-16)
 
 
 def test_positive_is_said_only_of_what_is():
@@ -176,7 +174,7 @@ def test_positive_is_said_only_of_what_is():
     for a, b, c in generator.normal(size=(4000, 3)):
         x = np.linspace(-1.0, 1.0, 401)
         f = a + b * x + c * x * x
-        if positive_between((a - b + c, a, a + b + c), (b - 2.0 * c, b, b + 2.0 * c), 1.0):
+        if positive_between(a - b + c, b - 2.0 * c, a, b, a + b + c, b + 2.0 * c, 1.0, 0.0):
             said += 1
             wrong += bool(f.min() <= 0.0)
     assert said > 150 and wrong == 0
@@ -186,6 +184,7 @@ def test_positive_is_said_only_of_what_is():
 def test_amplitudes_bound_a_mode_and_its_derivatives(square):
     """Oracle: the mode in closed form, sampled: cosine, straight line or hyperbolic cosine. They are reached
     where no part cancels another."""
+    system = PlanarSystem([square, 1.0], Searches(SYSTEMS[0]).contacts, -1.0, 1.0)
     rng = np.random.default_rng(3)
     t = np.linspace(0.0, 4.0, 4001)
     root = np.sqrt(abs(square))
@@ -194,7 +193,7 @@ def test_amplitudes_bound_a_mode_and_its_derivatives(square):
         cosine, sine = c(root * t), s(root * t) / root if root else t
         path = (q * cosine + p * sine, p * cosine - square * q * sine)
         for order, values in enumerate((*path, -square * path[0])):
-            bound, largest = amplitude(square, q, p, 4.0, order), np.max(np.abs(values))
+            bound, largest = system.amplitude(0, [q, 0.0, p, 0.0], 4.0, order), np.max(np.abs(values))
             assert largest <= bound * (1.0 + 1e-12)
             if square > 0.0 or q * p > 0.0:
                 assert largest >= 0.99 * bound
@@ -204,6 +203,7 @@ def test_more_turning_points_than_are_looked_through_leave_nothing_known():
     """Oracle: a mode of frequency 3e5 has a million turning points in ten time units, one of 3 has ten."""
     for mu, known in ((0.1, True), (1e-12, False)):
         (curve,) = curves(saltus.vibro_impact_nes(mu=mu), "origin", 1e-9)
-        begun = StartFlight(state=(0.0, 0.0, 1e-5, 1e-5), duration=np.inf, clearance=np.nan)
-        flight = begun.with_clearance(curve, 10.0 / 1.05)
-        assert (flight.clearance > 0.0) is known and (flight.clearance == -np.inf) is not known
+        flight = FlightRecord()
+        flight.state, flight.duration = [0.0, 0.0, 1e-5, 1e-5], math.inf
+        curve.starts.find_clearance(flight, 10.0 / 1.05)
+        assert (flight.clearance > 0.0) is known and (flight.clearance == -math.inf) is not known

@@ -1,0 +1,226 @@
+/// One flight as the events along it see it: the seam between flights and searches in time.
+///
+/// A path has these members; flights of other kinds provide the same.
+///     size(), begin()               entries of a state; the state at the begin
+///     state(t, out)                 the state at a time
+///     rate(state, out)              z' at a state of the path
+///     fastest()                     a rate that bounds how fast the terms of its series can grow
+///     is_steady()                   whether bounds of one instant hold at all later ones
+///     growth()                      > 0: they hold for 1/growth at most
+///     window(t, length)             the part of a time after t over which `bounds` holds
+///     bounds(row, t, state, window) bounds of |f|, |f''|, |f'''| of f = row . z over a window after t
+///     rounding_level(row, z)        sixteen rounding errors of row . z
+///     parting(contacts, c, ..)      see `Parting`
+///     series(row, out)              out[k - 1] = f^(k)(0)/k!; returns a rate that bounds how fast the terms can grow
+///     steps()                       the table of its steps of fixed length, or nullptr
+///     track(functional, duration)   f, f', f'' at a time, and bounds of |f''| and |f'''|: see `LinearTrack`
+#pragma once
+
+#include <algorithm>
+
+#include "contact.hpp"
+#include "linear_flight.hpp"
+
+namespace saltus {
+
+/// Rows of a linear functional f = value . z and of f' and f''.
+struct Functional {
+    Values value, rate, second;
+};
+
+/// A functional and two derivatives at one instant.
+struct Sample {
+    double value, slope, bend;
+};
+
+/// How a contact without distance, rate and acceleration goes on.
+struct Parting {
+    double time;  // for which it is certain to separate; 0: it presses
+    int order;    // of the first derivative of its distance that is not 0 to rounding; 0: the distance stays 0
+};
+
+/// 2 d/(-d' + sqrt(d'^2 + 2 W d)), the positive zero in equation (3), in the form that does not cancel; infinite where d never returns to 0.
+inline double free_step(double d, double slope, double second_bound) {
+    if (slope < 0.0) return 2.0 * d / (-slope + std::sqrt(slope * slope + 2.0 * second_bound * d));
+    if (second_bound <= 0.0) return INFINITE;
+    return (slope + std::sqrt(slope * slope + 2.0 * second_bound * d)) / second_bound;
+}
+
+inline constexpr int NEAR_TERMS = 14;
+/// |B| t up to which the series from the start of a flight is used: its terms truncate below 1e-19.
+inline constexpr double NEAR_REACH = 0.25;
+
+/// A functional along a linear flight. Where no block damps or grows it is a sum over the pairs of alpha C(t) + beta S(t): one sine and
+/// cosine of each pair give f, f' and f''.
+template <int N>
+class LinearTrack {
+public:
+    LinearTrack(const LinearFlight<N>& flight, const Functional& rows, Values z, double duration)
+        : flight_(flight), rows_(rows), z_(z), parts_(flight.size()), duration_(duration), pure_(flight.is_steady()) {
+        for (const Block& block : flight.blocks()) pure_ = pure_ && block.is_pair();
+        if (!pure_) {
+            bounds_ = flight.bounds(rows.value, z, duration);
+            return;
+        }
+        const Matrix<const double> b = flight.matrix();
+        int k = 0;
+        for (const Block& block : flight.blocks()) {
+            const int i = block.first, j = block.second;
+            const double alpha = rows.value[i] * z[i] + rows.value[j] * z[j];
+            const double beta = rows.value[i] * (b(i, i) * z[i] + b(i, j) * z[j]) + rows.value[j] * (b(j, i) * z[i] + b(j, j) * z[j]);
+            parts_[k++] = alpha, parts_[k++] = beta;
+            const double square = -block.delta, frequency = std::sqrt(square);
+            const double slope = std::sqrt(square * alpha * alpha + beta * beta);
+            const double level = std::min(frequency > 0.0 ? slope / frequency : INFINITE, std::fabs(alpha) + std::fabs(beta) * duration);
+            bounds_.add(level, frequency * slope, square * slope);
+        }
+        bounds_.second *= 1.0 + 1e-12, bounds_.third *= 1.0 + 1e-12;
+    }
+
+    double duration() const { return duration_; }
+    double level() const { return bounds_.level; }
+    /// Bounds of |f''| and |f'''| from t on, and the time up to which they hold.
+    Bounds bounds(double) const { return bounds_; }
+    double until(double) const { return INFINITE; }
+
+    Sample at(double t) {
+        Sample out{0.0, 0.0, 0.0};
+        if (!pure_) {
+            flight_.end(z_, t, parts_);
+            const Values state = parts_;
+            return {dot(rows_.value, state), dot(rows_.rate, state), dot(rows_.second, state)};
+        }
+        int k = 0;
+        for (const Block& block : flight_.blocks()) {
+            double c, s;
+            const double alpha = parts_[k++], beta = parts_[k++];
+            circular(block.delta, t, c, s);
+            const double here = alpha * c + beta * s;
+            out.value += here;
+            out.slope += beta * c + block.delta * alpha * s;
+            out.bend += block.delta * here;
+        }
+        return out;
+    }
+
+private:
+    const LinearFlight<N>& flight_;
+    Functional rows_;
+    Values z_;
+    Local<double, N> parts_;
+    Bounds bounds_;
+    double duration_;
+    bool pure_;
+};
+
+/// The path of a linear flight from z, which it keeps a view of.
+template <int N>
+class LinearPath {
+public:
+    static constexpr int SIZE = N;
+    LinearPath(const LinearFlight<N>& flight, Values z) : flight_(flight), z_(z) {}
+
+    int size() const { return flight_.size(); }
+    Values begin() const { return z_; }
+    template <class Out>
+    void state(double t, Out&& out) const {
+        if (flight_.steps().is_usable()) flight_.steps().flow(z_, t, out);
+        else flight_.end(z_, t, out);
+    }
+    void rate(Values state, Vector<double> out) const { flight_.rate(state, out); }
+    bool is_steady() const { return flight_.is_steady(); }
+    double fastest() const { return flight_.fastest(); }
+    double growth() const { return flight_.growth(); }
+    double window(double, double length) const { return length; }
+    Bounds bounds(Values row, double, Values state, double window) const { return flight_.bounds(row, state, window); }
+    double rounding_level(Values row, Values z) const { return flight_.rounding_level(row, z); }
+    const StepTable* steps() const { return flight_.steps().is_usable() ? &flight_.steps() : nullptr; }
+    LinearTrack<N> track(const Functional& rows, double duration) const { return {flight_, rows, z_, duration}; }
+
+    double series(Values row, Vector<double> out) const {
+        State state(size()), other(size());
+        copy(z_, state);
+        double factor = 1.0;
+        for (int k = 0; k < int(out.size()); ++k) {
+            differentiate(state, other);
+            factor /= k + 1;
+            out[k] = dot(row, Values(state)) * factor;
+        }
+        return flight_.fastest();
+    }
+
+    Parting parting(const Contacts& contacts, int c, double horizon, double window) const {
+        const Values row = contacts.acceleration[c];
+        State state(size()), other(size());
+        int order = 3;
+        copy(z_, state);
+        differentiate(state, other);
+        while (std::fabs(dot(row, Values(state))) <= rounding_level(row, state)) {
+            // Derivatives that are 0 up to the number of states vanish for ever (Cayley and Hamilton).
+            if (order > size()) return {0.0, 0};
+            differentiate(state, other);
+            ++order;
+        }
+        const double lead = -contacts.side[c] * dot(row, Values(state));
+        if (lead < 0.0) return {0.0, order};
+        if (order == 3) {
+            const double fourth = flight_.bounds(row, z_, window).second;
+            return {fourth > 0.0 ? std::min(lead / fourth, window) : window, order};
+        }
+        // While a derivative is positive, those below it, and the distance, rise from 0. It is followed towards its zero; then the
+        // derivative below it is, down to the rate.
+        constexpr int RUNGS = 8;
+        double time = 0.0, step = horizon;
+        for (int level = order; level > 0; --level) {
+            for (int rung = 0; rung < RUNGS; ++rung) {
+                this->state(time, state);
+                step = positive_step(contacts, c, level, state, std::min(4.0 * step, horizon - time));
+                time += step;
+                if (step <= 0.01 * time) break;
+            }
+            step = std::max(step, 0.01 * time);
+        }
+        return {time, order};
+    }
+
+private:
+    using State = Local<double, N>;
+
+    void differentiate(State& state, State& other) const {
+        flight_.rate(Values(state), other);
+        copy(Values(other), state);
+    }
+
+    /// A time, up to `longest`, in which the derivative of order `level` of a contact's distance stays positive; 0 where it is not above
+    /// rounding.
+    double positive_step(const Contacts& contacts, int c, int level, Values z, double longest) const {
+        const Values row = level > 1 ? contacts.acceleration[c] : contacts.rate[c];
+        State begin(size()), state(size()), other(size());
+        copy(z, begin);
+        for (int k = 2; k < level; ++k) differentiate(begin, other);
+        const double value = -contacts.side[c] * dot(row, Values(begin));
+        if (value <= rounding_level(row, begin)) return 0.0;
+        double step = longest;
+        for (int halving = 0; halving < 60; ++halving, step *= 0.5) {
+            // The value exceeds the other terms of its Taylor series, and the remainder.
+            copy(Values(begin), state);
+            double change = 0.0, factor = 1.0;
+            for (int k = 1; k < NEAR_TERMS; ++k) {
+                differentiate(state, other);
+                factor *= step / k;
+                change += factor * std::fabs(dot(row, Values(state)));
+            }
+            differentiate(state, other);
+            if (change + factor * step / NEAR_TERMS * flight_.bounds(row, state, step).level < value) return step;
+        }
+        return 0.0;
+    }
+
+    const LinearFlight<N>& flight_;
+    Values z_;
+};
+
+template <int N>
+LinearPath<N> path_of(const LinearFlight<N>& flight, Values z) { return {flight, z}; }
+
+}  // namespace saltus
