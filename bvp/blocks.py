@@ -17,15 +17,13 @@ from fractions import Fraction
 from itertools import product
 
 import numpy as np
+import saltus_core as core
 
 from bvp.checks import EPSILON
 
 __all__ = [
     "Blocks", "Matrices", "blocks_of", "coupled_groups", "cut", "decay_rates", "exact", "exact_product", "jacobi", "traceless",
 ]  # fmt: skip
-
-SWEEPS = 60
-"""Jacobi sweeps before it is said that they do not converge; ten are many."""
 
 LIGHT = 0.1
 """Decay, of the frequency, of a mode that counts as lightly damped."""
@@ -355,34 +353,10 @@ def jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     RuntimeError
-        After `SWEEPS` sweeps without convergence.
+        If the sweeps do not converge.
     """
-    n = len(matrix)
-    rows = np.hstack([matrix, np.eye(n)])
-    a, vectors = rows[:, :n], rows[:, n:].T
-    tiny = np.finfo(float).tiny
-    for _ in range(SWEEPS):
-        quiet = True
-        for i in range(n - 1):
-            for j in range(i + 1, n):
-                coupling = a[i, j]
-                if abs(coupling) <= tiny or abs(coupling) <= 0.5 * EPSILON * np.sqrt(abs(a[i, i])) * np.sqrt(abs(a[j, j])):
-                    continue
-                quiet = False
-                theta = (a[j, j] - a[i, i]) / 2.0 / coupling
-                tangent = 1.0 / (abs(theta) + np.hypot(1.0, theta))
-                tangent = -tangent if theta < 0.0 else tangent
-                cosine = 1.0 / np.hypot(1.0, tangent)
-                sine = tangent * cosine
-                low, high = a[i, i] - tangent * coupling, a[j, j] + tangent * coupling
-                first, second = rows[i].copy(), rows[j].copy()
-                rows[i] = cosine * first - sine * second
-                rows[j] = sine * first + cosine * second
-                a[:, i], a[:, j] = a[i], a[j]
-                a[i, i], a[j, j], a[i, j], a[j, i] = low, high, 0.0, 0.0
-        if quiet:
-            return a.diagonal().copy(), vectors.copy()
-    raise RuntimeError(f"Jacobi's method did not diagonalise a matrix of size {n} in {SWEEPS} sweeps")
+    values, vectors = core.symmetric_eigenvalues(np.ascontiguousarray(matrix, dtype=float))
+    return values, vectors
 
 
 def exact_product(*factors: np.ndarray) -> np.ndarray:

@@ -18,11 +18,11 @@ from bvp.closures import Cycle, EndsError, cycle_of, parse_end
 from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
 from bvp.forced import GRAZING, ForcedProblem
+from bvp.kernels.flight import Contacts
 from bvp.kernels.free_period import GRAZES, FreePeriod, make_free_period, unfold_free
 from bvp.kernels.loads import LoadedFlight
-from bvp.kernels.monodromy import ClosedOrbit
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
-from bvp.multipliers import SystemData, floquet_multipliers, formed, sort_multipliers, system_data
+from bvp.multipliers import FACTORED, floquet_multipliers, make_chain, sort_multipliers
 from bvp.multipoint import MOST_PIECES, MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.smooth_cycles import nearest_maximum, nearest_rise, states_at
@@ -161,30 +161,33 @@ class ReleasedProblem(ForcedProblem):
         return sort_multipliers(np.concatenate([found, np.ones(2 * self.degrees_of_freedom - len(found))]))
 
     def formed_multipliers(self, y: np.ndarray) -> np.ndarray | None:
-        """The multipliers but trivial ones, from the product of flights and impacts, of the orbit that was evaluated last; None where the
-        product loses digits or does not do."""
+        """The multipliers but trivial ones, from the chain of flights and impacts, of the orbit that was evaluated last; None where that
+        does not do."""
         if not isinstance(self.segment.flight, LoadedFlight) or self.structure.drifts:
             return None
-        period, data = self._period
+        period, n = self._period, self.degrees_of_freedom
         count = unfold_free(self.segment.flight, np.array(y, dtype=float), self._factor.before, GRAZING, period)
         if count == GRAZES:
-            return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan))
+            return np.full(2 * n, complex(math.nan, math.nan))
         if count == 0:
             return None
-        found = formed(data, ClosedOrbit(*(array[:count] for array in period.impacts)))
-        return None if found is None else found.values
+        rows, flight = period.rows, period.flight._replace(matrix=period.flight.matrix[: 2 * n, : 2 * n])
+        place = np.zeros(len(rows.jump))
+        contacts = Contacts(rows.gap, rows.rate, np.zeros_like(rows.gap), place, place, rows.push, rows.jump - 1.0)
+        chain = make_chain(flight, contacts, period.weights, np.zeros((0, n)), True, True, False)
+        route, values, *_ = chain.multipliers(*(array[:count] for array in period.impacts))
+        return values if route <= FACTORED else None
 
     @cached_property
-    def _period(self) -> tuple[FreePeriod, SystemData]:
-        """The full period of an orbit with impacts, for the kernels of its multipliers; they fill it."""
+    def _period(self) -> FreePeriod:
+        """The full period of an orbit with impacts, for the kernel that fills it."""
         modes, structure, n = self.modes, self.structure, self.degrees_of_freedom
         stops = np.array([stop.gap for stop in self.system.stops], float).reshape(-1, n)
         contact_stop, opposite = (np.array(part, dtype=np.int64) for part in (modes.contact_stop, modes.contact_opposite))
         assert isinstance(self.segment.flight, LoadedFlight)
         contacts, flight = np.array(self.contacts, dtype=np.int64), self.segment.flight.free
-        period = make_free_period(stops, contacts, contact_stop, opposite, flight, structure.segment)
-        data = system_data(period.flight, period.rows, period.weights[:n], np.zeros((0, n)))
-        return period._replace(weights=data.work.weights), data
+        period: FreePeriod = make_free_period(stops, contacts, contact_stop, opposite, flight, structure.segment)
+        return period
 
     def _multipliers_of_system(self, y: np.ndarray) -> np.ndarray:
         """The multipliers but trivial ones, by the problem of the system there."""

@@ -1,6 +1,6 @@
 """The stability of orbits. An orbit is called stable or unstable only if the numbers show it beyond their errors.
 
-A reversible orbit between two ends has the half map phi = [[a, b], [c, d]] (`bvp.kernels.stability`), symplectic. With nu the
+A reversible orbit between two ends has the half map phi = [[a, b], [c, d]], equation (13), symplectic. With nu the
 eigenvalues of b'c, the return map there and back has the traces 2 + 4 nu, and 1 + nu are the eigenvalues of d'a: the orbit is
 stable where every nu lies in (-1, 0), and near the limits nu and 1 + nu are small numbers with small errors, not differences
 of large ones.
@@ -17,13 +17,12 @@ import numpy as np
 from bvp.checks import EPSILON
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ORIGIN
-from bvp.kernels.stability import half_map, make_half_map
-from bvp.multipliers import floquet_multipliers, nearest_grazing, pairs_of, sort_multipliers
+from bvp.multipliers import floquet_multipliers, given_chain, linearised_flights, nearest_grazing, pairs_of, sort_multipliers, system_chain
 from bvp.multipoint import MultipointProblem, Solution
 
 __all__ = [
-    "DECISION", "ERROR_FACTOR", "Stability", "balance", "decide", "half_map_multipliers", "half_map_of", "roundings", "stability",
-    "verdict",
+    "DECISION", "ERROR_FACTOR", "Stability", "balance", "chain_half_map", "decide", "half_map_multipliers", "half_map_of", "roundings",
+    "stability", "verdict",
 ]  # fmt: skip
 
 ERROR_FACTOR = 64.0
@@ -192,17 +191,31 @@ def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndar
     if problem.half == 2 and math.isfinite(solution["magnified"]):
         entries = [[solution["a"], solution["b"]], [solution["c"], solution["d"]]]
         return np.array(entries), solution["magnified"]
-    y, ends = np.array(solution.y, float), np.array(solution.ends, float, order="C")
-    work = make_half_map(problem.held)
-    magnified = half_map(problem.segment, y, ends, work.held, work.rows, work.square, work.small, work.phi)
-    return work.phi, float(magnified)
+    return chain_half_map(problem, solution)
+
+
+def chain_half_map(problem: MultipointProblem, solution: Solution) -> tuple[np.ndarray, float]:
+    """The same along the chain of the orbit's flights and impacts."""
+    size, k = problem.size, problem.inner
+    nodes = np.concatenate([solution.y[problem.parameters + 1 :], [0.0]])[: k * (size + 1)].reshape(k, size + 1)[:, :size]
+    states = np.vstack([problem.start(solution.y), nodes])
+    times = np.array(problem.flight_times(solution.y), float)
+    ends = np.array(solution.ends, float, order="C")
+    kinds, held, contact = tuple(map(int, problem.kinds)), np.ascontiguousarray(problem.held), np.array(problem.contacts, dtype=np.int64)
+    if problem.is_smooth:
+        linear = linearised_flights(problem.segment.flight, np.vstack([states[:1], ends]), np.vstack([states, ends[-1:]]), times)
+        reach = math.sqrt(2.0 * problem.energy(solution.y))
+        phi, magnified = given_chain(problem.system).half_map_of_maps(kinds, held, *linear, contact, reach)
+    else:
+        phi, magnified = system_chain(problem.system).half_map(kinds, held, states, times, ends, contact)
+    return phi, magnified
 
 
 def half_map_multipliers(problem: MultipointProblem, solution: Solution) -> tuple[np.ndarray, float]:
     """The nontrivial multipliers (2 m,) of the full period of an orbit between two ends, by modulus descending, and how far the half map is
     from a symplectic one, relative to the square of its largest entry.
 
-    With the blocks of the half map the map there and back is [[d'a + b'c, 2 d'b], [2 a'c, a'd + c'b]] (`bvp.kernels.stability`). Of a
+    With the blocks of the half map the map there and back is [[d'a + b'c, 2 d'b], [2 a'c, a'd + c'b]]. Of a
     quarter it is the map of half a period composed with u -> -u."""
     phi, _ = half_map_of(problem, solution)
     m = len(phi) // 2

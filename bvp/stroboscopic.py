@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import saltus_core as core
 
 from bvp.kernels.forced_sticking import AT_ONCE
 from bvp.kernels.newton import set_scale
 from bvp.kernels.orbit_multipliers import orbit_multipliers
-from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames
 
 if TYPE_CHECKING:
@@ -138,13 +138,10 @@ def _deficient_eigenvalues(passages: Sequence[_Passage], sign: float) -> np.ndar
         factors.append(factor)
         inverse.append(0)
     factors[-1] = sign * (first.T @ basis @ factors[-1])
-    found = np.empty((2, rank))
-    steps = product_eigenvalues(
-        np.array(factors), np.array(inverse, dtype=np.int64), np.empty((3, 3)), np.empty((rank, rank)), found
-    )  # fmt: skip
+    steps, found, _ = core.product_eigenvalues(np.array(factors), np.array(inverse, dtype=np.int64))
     if steps < 1 or not np.all(np.isfinite(found)):
         return None
-    return np.concatenate([found[0] + 1j * found[1], zeros])
+    return np.concatenate([found, zeros])
 
 
 def _before(left: np.ndarray, rest: np.ndarray) -> np.ndarray:

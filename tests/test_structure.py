@@ -101,8 +101,8 @@ OF_KERNELS = {
     "tests/saltus": {"test_bad_calls", "test_startup"},
     "tests/transitions": {"test_section"},
 }
-"""Tests and benchmarks of the kernels themselves: how they are compiled and kept, how much one call does, and signs turned in them; the core beside those that other users still
-have."""
+"""Tests and benchmarks of the kernels themselves: how they are compiled and kept, how much one call does, and signs turned in them; and
+tests of the core that compare with kernels which other users still have."""
 
 
 def test_tests_and_benchmarks_reach_the_numerical_core_through_the_lab():

@@ -8,13 +8,13 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import saltus_core as core
 from scipy.linalg.lapack import dgesv
 
 from branches.curves.grazing import Grazing, beside_grazing, grazing_of, grazing_sizes, paths_beside, what_grazes
 from branches.curves.monitor import CurvePoint, Window, has_pair, meeting_of, pair_product, window_tests, window_values
 from branches.curves.plane import ParameterPlane, closing_block
 from bvp.forced import ForcedProblem
-from bvp.kernels.dense import determinant, eigenvalues, least_singular
 from bvp.kernels.extrema import TIE
 from bvp.kernels.multipoint import CLEARANCE, CLEARANCE_FLIGHT, CLEARANCE_TIME, FLIGHT, FLIGHT_INDEX, RESULT, SPEED, SPEED_NODE
 from bvp.multipoint import Solution
@@ -198,10 +198,11 @@ def finite_multipliers(matrix: np.ndarray, shifted: np.ndarray) -> np.ndarray:
     _, _, solved, singular = dgesv(matrix, shifted[:, columns])
     if singular or not np.isfinite(solved).all():  # rounding can hide that the matrix is singular
         return found
-    real, imaginary = np.empty((2, len(columns)))
-    if not eigenvalues(np.ascontiguousarray(solved[columns]), real, imaginary):
+    try:
+        values = core.eigenvalues(np.ascontiguousarray(solved[columns]))
+    except RuntimeError:
         return found
-    largest = sorted(map(complex, real.tolist(), imaginary.tolist()), key=abs, reverse=True)[: len(rows) - 2]
+    largest = sorted(values.tolist(), key=abs, reverse=True)[: len(rows) - 2]
     kept = np.array(sorted(largest, key=lambda value: (value.real, value.imag)))
     found[: len(kept)] = 1.0 - 1.0 / kept
     return found
@@ -239,6 +240,4 @@ class _SingleTouch:
 
 def signed_smallest(matrix: np.ndarray) -> float:
     """A lower bound of the smallest singular value, sharp to the root of the matrix's size, with the sign of the determinant."""
-    factors = np.array(matrix)
-    sign = math.copysign(1.0, determinant(factors))
-    return sign * float(least_singular(factors, np.empty_like(factors)))
+    return float(core.signed_least_singular(np.ascontiguousarray(matrix, dtype=float)))

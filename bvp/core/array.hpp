@@ -77,11 +77,13 @@ public:
         return size_;
     }
     T* data() { return N == DYNAMIC && heap_ ? heap_.get() : buffer_; }
+    const T* data() const { return N == DYNAMIC && heap_ ? heap_.get() : buffer_; }
     T& operator[](int r) { return data()[r]; }
+    const T& operator[](int r) const { return data()[r]; }
     T* begin() { return data(); }
     T* end() { return data() + size(); }
     operator Vector<T>() { return {data(), size_t(size())}; }
-    operator Vector<const T>() { return {data(), size_t(size())}; }
+    operator Vector<const T>() const { return {data(), size_t(size())}; }
 
 private:
     T buffer_[N == DYNAMIC ? LIMIT : N];
@@ -97,6 +99,7 @@ public:
         : entries_(N == DYNAMIC ? size * size : N * N), size_(size) {}
     int size() const { return size_; }
     T& operator()(int r, int c) { return entries_[r * size_ + c]; }
+    const T& operator()(int r, int c) const { return entries_[r * size_ + c]; }
     operator Matrix<T>() { return {entries_.data(), size_, size_}; }
     operator Matrix<const T>() { return {entries_.data(), size_, size_}; }
     Vector<T> operator[](int r) { return {entries_.data() + r * size_, size_t(size_)}; }

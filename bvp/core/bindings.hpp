@@ -58,5 +58,6 @@ inline void require_size(const char* name, size_t size, size_t expected) {
 void bind_flight(nb::module_& m);
 void bind_events(nb::module_& m);
 void bind_search(nb::module_& m);
+void bind_multipliers(nb::module_& m);
 
 }  // namespace saltus

@@ -293,7 +293,7 @@ def twelve_masses():
 
 
 def test_resonances_beside_large_multipliers():
-    """Oracle: multipliers of which the large ones are split off (`bvp.kernels.deflation`): they do not come from the half map."""
+    """Oracle: multipliers of which the large ones are split off: they do not come from the half map."""
     branch = twelve_masses()
     grazing = {event.point for event in branch.events if event.type == "GR"}
     resonant = {event.point for event in branch.events if event.type == "RT"}

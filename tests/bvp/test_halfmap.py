@@ -11,11 +11,10 @@ import pytest
 from benchmarks.saltation import reduced_monodromy, saltation_multipliers
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
-from bvp.stability import ERROR_FACTOR, balance, decide, half_map_of, stability, velocity_scale
+from bvp.stability import ERROR_FACTOR, balance, chain_half_map, decide, half_map_of, stability, velocity_scale
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.high_precision import Exact
-from tests.bvp.orbits import backbone_segment, chain, chains, collection
-from tests.lab.problems import half_map, section_basis
+from tests.bvp.orbits import backbone_segment, chains, collection
 
 EPS = np.finfo(float).eps
 FOLD = 1.13584395619551
@@ -24,7 +23,7 @@ FOLD = 1.13584395619551
 def defect(problem, solution):
     """Error of the balanced entries, and the bound that `decide` claims for them."""
     exact = Exact(problem, solution).half_map()
-    phi, magnified = half_map_of(problem, solution)
+    phi, magnified = chain_half_map(problem, solution)
     units = np.reshape(balance(problem, velocity_scale(problem, solution)), (2, 2))
     error = np.array([[float(mpmath.mpf(float(phi[i, j])) - exact[i][j]) for j in (0, 1)] for i in (0, 1)]) * units
     bound = ERROR_FACTOR * EPS * (problem.inner + 2) * magnified * np.max(np.abs(phi * units))
@@ -52,7 +51,7 @@ def test_error_bound_of_the_backbone(impacts, alpha):
 def test_half_map_is_symplectic():
     """n = 2: det = 1; n > 2: a'c and b'd symmetric, a'd - c'b = 1."""
     for orbit in collection() + chains():
-        phi, magnified = half_map(orbit.problem, orbit.solution)
+        phi, magnified = chain_half_map(orbit.problem, orbit.solution)
         m = orbit.problem.pairs
         units = balance(orbit.problem, velocity_scale(orbit.problem, orbit.solution))
         a, b, c, d = phi[:m, :m] * units[0], phi[:m, m:] * units[1], phi[m:, :m] * units[2], phi[m:, m:] * units[3]
@@ -122,7 +121,7 @@ def test_krein_signatures_of_eigenvectors():
     for orbit in collection() + chains():
         found = stability(orbit.problem, orbit.solution)
         m = orbit.problem.pairs
-        phi, _ = half_map(orbit.problem, orbit.solution)
+        phi, _ = chain_half_map(orbit.problem, orbit.solution)
         values, vectors = np.linalg.eig(return_map(phi, m))
         form = np.block([[np.zeros((m, m)), np.eye(m)], [-np.eye(m), np.zeros((m, m))]])
         for nu, sign in zip(found.nu, found.krein, strict=True):
@@ -180,16 +179,10 @@ def test_units_of_time_do_not_change_the_decision():
         assert results[0].stable == results[1].stable and results[0].stable is not None
 
 
-@pytest.mark.parametrize("n", [2, 3, 4, 5])
-def test_bases_of_a_section_are_turned_one_way(n):
-    """Orthonormal, perpendicular to the velocity, and with it of one orientation whatever that is: no determinant taken with them
-    changes its sign between two orbits but through zero."""
-    rng = np.random.default_rng(n)
-    problem = MultipointProblem(chain(rng, n), ("origin", "origin"), ("+", "-"))
-    signs = set()
-    for velocity in rng.normal(size=(40, n)):
-        basis = section_basis(problem, "origin", np.concatenate([np.zeros(n), velocity]))
-        np.testing.assert_allclose(basis @ basis.T, np.eye(n - 1), rtol=0, atol=1e-14)
-        np.testing.assert_allclose(basis @ velocity, 0.0, rtol=0, atol=1e-13)
-        signs.add(float(np.sign(np.linalg.det(np.vstack([velocity, basis])))))
-    assert len(signs) == 1
+def test_the_step_has_the_same_half_map():
+    """Two degrees of freedom: to rounding, as magnified by the impacts."""
+    for orbit in collection():
+        phi, magnified = chain_half_map(orbit.problem, orbit.solution)
+        known, other = half_map_of(orbit.problem, orbit.solution)
+        assert abs(magnified / other - 1.0) < 1e-12
+        assert np.max(np.abs(phi - known)) < ERROR_FACTOR * EPS * magnified * np.max(np.abs(phi))

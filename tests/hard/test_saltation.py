@@ -143,11 +143,12 @@ def pencil_trace(cycle, names):
     left, right = np.zeros((nodes, size, size)), np.zeros((nodes, size, size))
     contacts = pencils.ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     landings = next(mutants(pencils.landings, names))[1]
-    landings(modes.flight, contacts, scaled, linear)
+    cycle_nodes = pencils.Nodes(cycle.before, scaled.after, cycle.duration, cycle.contact.astype(np.int64), scaled.scale, scaled.weights)
+    landings(modes.flight, contacts, cycle_nodes, linear)
     conservative = cycle.system.is_conservative
     factors = pencils.Factors(left, right)
     free = np.empty((0, size // 2))
-    pencils.pencil(modes.flight, contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2))
+    pencils.pencil(modes.flight, contacts, cycle_nodes, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2))
     width = size - 1 - int(conservative)
     product = np.eye(width)
     for i in range(nodes):

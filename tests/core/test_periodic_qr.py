@@ -4,8 +4,7 @@ the factors changes of them."""
 import mpmath as mp
 import numpy as np
 import pytest
-
-from tests.lab.matrices import product_eigenvalues
+import saltus_core as core
 
 EPS = np.finfo(float).eps
 
@@ -45,8 +44,8 @@ def exact(factors, inverse):
 
 
 def eigenvalues(factors, inverse):
-    steps, found, product = product_eigenvalues(factors, inverse)
-    return steps, [mp.mpc(*pair) for pair in found], product
+    steps, found, product = core.product_eigenvalues(factors, inverse)
+    return steps, [mp.mpc(value) for value in found.tolist()], product
 
 
 def error(found, values):
@@ -145,3 +144,23 @@ def test_a_singular_inverse_is_said():
     factors, inverse = chain([2.0, 0.5], 3)
     factors[0] = np.diag([1.0, 0.0])
     assert eigenvalues(factors, inverse)[0] == -1
+
+
+def test_factors_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match="last factor"):
+        core.product_eigenvalues(np.ones((2, 3, 3)), np.array([0, 1]))
+    with pytest.raises(ValueError, match="received 1 entries of inverse; expected 2"):
+        core.product_eigenvalues(np.ones((2, 3, 3)), np.array([0]))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e45, 1e-45])
+def test_products_beyond_the_range_of_floats(size):
+    """Twelve factors of size 1e45 overflow, and so do the eigenvalues; those of factors that are divided again do not."""
+    random = np.random.default_rng(7)
+    middle = random.normal(size=(12, 3, 3))
+    factors = np.concatenate([size * middle[:6], middle[6:] * size])
+    inverse = np.array([0] * 6 + [1] * 5 + [0])
+    steps, found, _ = eigenvalues(factors, inverse)
+    assert steps > 0
+    with mp.workdps(80):
+        assert error(found, exact(factors, inverse)) < 1e-10

@@ -1,19 +1,16 @@
 """Determinants and eigenvalues of small dense matrices.
 
-Oracles: mpmath with 40 digits; matrices with known eigenvalues; singular values by numpy.
+Oracles: mpmath with 40 digits; matrices with known eigenvalues; singular values by numpy; graded matrices.
 """
 
 import mpmath
 import numpy as np
 import pytest
-
-from tests.lab.matrices import determinant, eigenvalues, is_regular, least_singular
+import saltus_core as core
 
 
 def computed(matrix):
-    values = eigenvalues(matrix)
-    assert values is not None
-    return np.sort_complex(values)
+    return np.sort_complex(core.eigenvalues(np.array(matrix, dtype=float)))
 
 
 def digits(matrix):
@@ -38,10 +35,10 @@ def test_determinants(size):
         with mpmath.workdps(40):
             exact = float(mpmath.det(mpmath.matrix(matrix.tolist()))) if size else 1.0
         scale = np.prod(np.linalg.norm(matrix, axis=1))
-        assert abs(determinant(matrix) - exact) < 1e-14 * max(size, 1) * scale
+        assert abs(core.determinant(matrix) - exact) < 1e-14 * max(size, 1) * scale
         if size > 1:
             swapped = matrix[[1, 0, *range(2, size)]]
-            assert abs(determinant(swapped) + exact) < 1e-14 * size * scale
+            assert abs(core.determinant(swapped) + exact) < 1e-14 * size * scale
 
 
 @pytest.mark.parametrize("size", range(1, 12))
@@ -53,11 +50,13 @@ def test_the_least_singular_value_is_bounded_from_below(size):
         matrix = left @ np.diag(10.0 ** -np.linspace(0.0, exponent, size)) @ right
         singular = np.linalg.svd(matrix, compute_uv=False)[-1]
         for level in singular * np.array([1e-12, 1e-6, 1e-3, 0.9 / np.sqrt(size), 1.1, 1e3]):
-            assert is_regular(matrix, level) is bool(level < singular)
-        bound = least_singular(matrix)
-        assert singular / np.sqrt(size) * (1.0 - 1e-5) <= bound <= singular * (1.0 + 1e-5)
+            certain = core.certain_determinant(matrix, level)
+            assert certain == core.determinant(matrix) if level < singular else np.isnan(certain)
+        bound = core.signed_least_singular(matrix)
+        assert singular / np.sqrt(size) * (1.0 - 1e-5) <= abs(bound) <= singular * (1.0 + 1e-5)
+        assert np.sign(bound) == np.sign(np.linalg.det(matrix))
     zero = np.zeros((size, size))
-    assert determinant(zero) == 0.0 and least_singular(zero) == 0.0
+    assert core.determinant(zero) == 0.0 and core.signed_least_singular(zero) == 0.0
 
 
 @pytest.mark.parametrize("size", range(2, 13))
@@ -109,4 +108,29 @@ def test_numbers_that_are_none_are_refused():
     for bad in (np.nan, np.inf):
         matrix = np.ones((3, 3))
         matrix[1, 2] = bad
-        assert eigenvalues(matrix) is None
+        with pytest.raises(RuntimeError, match="did not converge"):
+            core.eigenvalues(matrix)
+
+
+def test_matrices_that_are_not_square_are_refused():
+    for function in (core.determinant, core.eigenvalues, core.symmetric_eigenvalues, core.signed_least_singular):
+        with pytest.raises(ValueError, match="not square"):
+            function(np.ones((2, 3)))
+
+
+@pytest.mark.parametrize("size", range(1, 13))
+def test_symmetric_eigenvalues(size):
+    """Oracle: 40 digits. A graded matrix D A D keeps the relative accuracy of its small eigenvalues; the vectors are orthonormal."""
+    random = np.random.default_rng(size)
+    vectors = np.linalg.qr(random.normal(size=(size, size)))[0]
+    core_part = vectors @ np.diag(random.uniform(1.0, 3.0, size)) @ vectors.T
+    grade = 10.0 ** random.uniform(-6, 6, size)
+    for matrix in (core_part, grade[:, None] * core_part * grade):
+        matrix = 0.5 * (matrix + matrix.T)
+        values, found = core.symmetric_eigenvalues(matrix)
+        np.testing.assert_allclose(found.T @ found, np.eye(size), rtol=0, atol=1e-14 * size)
+        with mpmath.workdps(40):
+            exact = np.array([float(value) for value in mpmath.eigsy(mpmath.matrix(matrix.tolist()), eigvals_only=True)])
+        np.testing.assert_allclose(np.sort(values), np.sort(exact), rtol=1e-14 * size)
+        back = found @ np.diag(values) @ found.T
+        assert np.max(np.abs(back - matrix)) < 1e-14 * size * np.max(np.abs(matrix))
