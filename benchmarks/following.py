@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-import branches.family
 from benchmarks.measure import Difference, Spread, difference, processor_time, spread
 from branches.family import Family
+from branches.steps import CoreSteps
 from branches.tracing import SETTINGS
-from bvp.kernels.compiled import Kernel, kernel
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from continuation.control import Settings
 from continuation.engine import Allowance, first_step, follow_in_blocks
@@ -196,11 +194,6 @@ def least_time(family: Problem, y: np.ndarray, points: int, settings: Settings, 
     return first, least
 
 
-@kernel
-def _nothing(compiled, most, control, watched, beginning, goal, ds, metric, block):
-    return 0
-
-
 @dataclass(frozen=True)
 class Layers:
     """Seconds a point, layer by layer. The least total is measured directly. It is the sum of the layers, differences of least times."""
@@ -222,27 +215,21 @@ def layers_of(problem: MultipointProblem, y: np.ndarray, points: int, repeats: i
     Raises
     ------
     RuntimeError
-        If no compiled call is seen, or no point comes from a block.
+        If no point comes from a block.
     """
     recorded = RecordedFamily(problem)
     timed_run(recorded, recorded.begin(y), points)
     family = Family(problem)
-    with compiled_calls() as calls:
-        for arguments in recorded.blocks:
-            family._advance(*arguments)
-        seen = list(calls)
-    if not seen:
-        raise RuntimeError("no compiled call was seen in Family.advance")
+    seen, idle = compiled_calls(family, recorded.blocks), compiled_calls(family, recorded.blocks, room=0)
     accepted = len(recorded.accepted)
     if not accepted:
         raise RuntimeError(f"none of {points} points came from a block of steps; ask for more points")
-    _seconds([(_nothing, arguments) for _, arguments in seen])  # compiles it
     totals, families, kernels, nothings = [], [], [], []
     for _ in range(repeats):
         totals += [r.clean_point for r in timed_runs(family, y, points, 1)]
         families.append(_seconds([(family._advance, arguments) for arguments in recorded.blocks]) / accepted)
         kernels.append(_seconds(seen) / accepted)
-        nothings.append(_seconds([(_nothing, arguments) for _, arguments in seen]) / accepted)
+        nothings.append(_seconds(idle) / accepted)
     total = spread(totals)
     return Layers(
         problem.inner,
@@ -267,24 +254,13 @@ def _seconds(calls: list[Call]) -> float:
     return processor_time(repeat)
 
 
-@contextmanager
-def compiled_calls() -> Iterator[list[Call]]:
-    """Record the calls of compiled functions that `branches.family` makes by name, in order."""
+def compiled_calls(family: Family, blocks: Iterable[tuple[Any, ...]], room: int | None = None) -> list[Call]:
+    """Return the calls of compiled code by which a family takes blocks of steps, from the arguments of `Family.advance`. With room for no
+    step, the arguments alone are handed over."""
     calls: list[Call] = []
-    module = branches.family
-    compiled = {name: value for name, value in vars(module).items() if isinstance(value, Kernel)}
-
-    def recording(function: Callable[..., Any]) -> Callable[..., Any]:
-        def recorded(*arguments: Any) -> Any:
-            calls.append((function, arguments))
-            return function(*arguments)
-
-        return recorded
-
-    for name, value in compiled.items():
-        setattr(module, name, recording(value))
-    try:
-        yield calls
-    finally:
-        for name, value in compiled.items():
-            setattr(module, name, value)
+    steps = family._steps
+    assert isinstance(steps, CoreSteps)
+    for recent, ds, goal, most, control in blocks:
+        block = family._block(1 + (most if room is None else room))
+        calls.append((steps.core.advance, steps.arguments(recent, ds, goal, control, block)))
+    return calls

@@ -8,7 +8,7 @@ hides in a trace that touches +-2 without crossing it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.images import Image, images_within
-from branches.kernels.blocks import TestedPoint, WatchedTests, advance_block, tested_step
+from branches.kernels.blocks import WatchedTests, advance_block, tested_step
 from branches.kernels.brackets import narrow_bracket
 from branches.kernels.functions import (
     COMMON,
@@ -31,9 +31,11 @@ from branches.kernels.functions import (
 )  # fmt: skip
 from branches.orbit import label_at
 from branches.presentation import starts_of
-from branches.solved_family import FAILED, MOST_ITERATIONS, SINGULAR, SolvedFamily, step_of
+from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
+from branches.steps import CoreSteps, KernelSteps, Limits
 from bvp.closures import cycle_of
-from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution, lost_digits
+from bvp.multipoint import MultipointProblem, Solution, lost_digits
+from bvp.orbits import KernelOrbits
 from bvp.smooth_flights import why_not_flown
 from bvp.stability import stability
 from continuation.control import Settings, kinds_of
@@ -49,9 +51,6 @@ RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
 """How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
 
-_GENERAL: dict[tuple[bool, type], tuple[Any, int]] = {}
-"""`general_tests` (False) and `periodic_tests` (True) for a type of segments once they are wanted, each with its address in memory."""
-
 ENDS_AND_FOLDS = 7
 """Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
 
@@ -63,15 +62,39 @@ def multiplication(p: int, q: int) -> float:
     return 2.0 * math.cos(2.0 * math.pi * p / q)
 
 
-def _general_tests(problem: MultipointProblem, work: Any) -> tuple[Any, int]:
-    """The test functions for any number of degrees of freedom, with their address."""
-    kind = problem.periodic, type(problem._packed)
-    if kind not in _GENERAL:
-        one, two = np.empty(1), np.empty((1, 1))
-        function = periodic_tests if problem.periodic else general_tests
-        entry = function.entry(problem._packed, one, two, work, one, one, one)
-        _GENERAL[kind] = function, entry.address
-    return _GENERAL[kind]
+class SmoothSteps(KernelSteps):
+    """Steps along families with smooth forces; see `CoreSteps` for the parameters."""
+
+    def __init__(
+        self, problem: MultipointProblem, tests: Sequence[TestFunction], limits: Limits, targets: Sequence[float], computed: int
+    ):
+        assert isinstance(problem.orbits, KernelOrbits)
+        self._kept = limits, [*targets], computed
+        self._work = make_pairs_work(problem)
+        # With the fold as the only test function nothing else is computed.
+        compiled = problem.orbits.compiled(full=computed > 1)
+        general = periodic_tests if problem.periodic else None if problem._two_dof else general_tests
+        self._general, one, two = general, np.empty(1), np.empty((1, 1))
+        address = general.entry(problem.segment, one, two, self._work, one, one, one).address if general else 0
+        singular = np.array([test.singular for test in tests], dtype=float)
+        watched = WatchedTests(
+            np.array(kinds_of(tests)), singular, np.array(limits), np.array(targets, dtype=float), address, self._work
+        )
+        super().__init__(problem, watched, compiled, (advance_block, narrow_bracket, tested_step))
+
+    def values(self, solution: Solution) -> list[float]:
+        """See `CoreSteps.values`."""
+        limits, targets, computed = self._kept
+        tests, result = [0.0] * computed, solution.result.tolist()
+        common_tests(result, *limits, tests)
+        if self._general is None:
+            two_dof_tests(result, self.problem.segment.shape, targets, tests)
+        else:
+            values = np.empty(computed)
+            arguments = self._work, solution.result, np.array(targets, dtype=float), values
+            self._general(self.problem.segment, solution.y, solution.ends, *arguments)
+            tests[COMMON:] = values[COMMON:].tolist()
+        return tests
 
 
 class Family(SolvedFamily):
@@ -116,7 +139,6 @@ class Family(SolvedFamily):
         ]
         if problem.periodic and not problem.sequence:
             tests[3] = TestFunction("EP", "guard", True, "the maximum at which the orbit starts vanishes; start from another one")
-        self._two_dof = problem._two_dof and not problem.periodic
         if problem.quarters == 1:
             tests += [
                 TestFunction("SB", "crossing", False, "the last reversal is broken"),
@@ -132,7 +154,7 @@ class Family(SolvedFamily):
             ]
         else:
             tests += [TestFunction("PD", "crossing", False, "period doubling")]
-        if not self._two_dof:
+        if problem.periodic or not problem._two_dof:
             words = "Krein collision: two pairs of multipliers meet and leave the unit circle, or come back"
             tests += [TestFunction("NS", "crossing", False, words)]
         # Of a quarter the trace +-2 cos(pi p/q) of the half map composed with u -> -u is followed: that of the full period, its square
@@ -149,32 +171,23 @@ class Family(SolvedFamily):
         low, high, longest = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
         self._limits = low, high, longest, SMOOTH_TANGENT_NOISE if problem.is_smooth else TANGENT_NOISE
         self._targets = [level for _, _, level in self._resonant]
-        self._work = make_pairs_work(problem)
+
+    def _steps_of(self, problem: MultipointProblem) -> CoreSteps | SmoothSteps:
+        """What takes steps along a family of a problem with its test functions."""
+        kind = SmoothSteps if problem.is_smooth else CoreSteps
+        return kind(problem, self.tests, self._limits, self._targets, self._computed)
 
     @cached_property
-    def _watched(self) -> WatchedTests:
-        singular = np.array([test.singular for test in self.tests], dtype=float)
-        address = 0 if self._two_dof else _general_tests(self.problem, self._work)[1]
-        targets = np.array(self._targets, dtype=float)
-        return WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), targets, address, self._work)
-
-    def _advance_block(self, *arguments: Any) -> Any:
-        return advance_block(*arguments)
-
-    def _narrow_bracket(self, *arguments: Any) -> Any:
-        return narrow_bracket(*arguments)
+    def _steps(self) -> CoreSteps | SmoothSteps:
+        return self._steps_of(self.problem)
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
         """See `continuation.Problem`. One compiled call takes the step and computes the test functions."""
-        problem, unknowns = self.problem, self.problem.unknowns
-        point = TestedPoint(
-            np.empty(unknowns), np.empty(problem.tangent_size), np.empty(problem.coordinates), np.empty((problem.inner + 1, problem.size)),
-            np.empty(len(RESULT_INDEX)), np.empty(self._computed),
-        )  # fmt: skip
-        at, along = np.array(y, dtype=float), np.array(tangent, dtype=float)
-        if not tested_step(self._compiled, MOST_ITERATIONS, self._watched, at, along, float(ds), self._scratch, point):
+        block = self._block(1)
+        if not self._steps.step(y, tangent, ds, block):
             return FAILED
-        return step_of(Solution(*point[:5]), point.result.tolist(), point.tests[: len(self.tests)].tolist())
+        solution = Solution(*(array[0] for array in block[:5]))
+        return step_of(solution, solution.result.tolist(), block.tests[0, : len(self.tests)].tolist())
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None:
@@ -182,21 +195,7 @@ class Family(SolvedFamily):
         result = solution.result.tolist()
         if not is_orbit(result):
             return FAILED
-        tests = self._values_at(self.problem, solution, result, self._work)
-        return step_of(solution, result, tests if self._computed == len(self.tests) else tests[: len(self.tests)])
-
-    def _values_at(self, problem: MultipointProblem, solution: Solution, result: list[float], work: Any) -> list[float]:
-        """The values of all test functions at an orbit, from its problem, the result as a list, and the scratch for its system."""
-        tests = [0.0] * self._computed
-        common_tests(result, *self._limits, tests)
-        if self._two_dof:
-            two_dof_tests(result, problem.segment.shape, self._targets, tests)
-        else:
-            values = np.empty(self._computed)
-            take, targets = _general_tests(problem, work)[0], np.array(self._targets, dtype=float)
-            take(problem._packed, solution.y, solution.ends, work, solution.result, targets, values)
-            tests[COMMON:] = values[COMMON:].tolist()
-        return tests
+        return step_of(solution, result, self._steps.values(solution)[: len(self.tests)])
 
     def why_not_flown(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Why a step along the family fails where a flight cannot be computed; empty where it does not fail, or for another reason."""

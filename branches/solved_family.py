@@ -5,36 +5,32 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from branches.first_orbits import shares_fold
-from branches.kernels.blocks import Beginning, Block, GoalPlane, WatchedTests
-from branches.kernels.brackets import MOST, PASSED_OVER, REFUSED, BracketWork, Departure, Known, Sought, make_bracket, scan_tests
-from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
-from bvp.kernels.step import CompiledProblem
+from branches.kernels.blocks import Block
+from branches.kernels.brackets import MOST, PASSED_OVER, REFUSED, scan_tests
+from branches.steps import CoreSteps, KernelSteps, Place, Sought, empty_block
 from bvp.multipoint import RESULT_INDEX, Solution
 from continuation.control import Control
 from continuation.problem import Advance, Goal, Recent, Step, TestFunction
 from continuation.resolution import Sampled
 from continuation.switching import refine_branch_point
 
-__all__ = ["AdvancedSteps", "FAILED", "MOST_ITERATIONS", "SINGULAR", "SolvedFamily", "begun_along", "step_of"]
+__all__ = ["AdvancedSteps", "FAILED", "SINGULAR", "SolvedFamily", "begun_along", "step_of"]
 
 _BRANCHING = 1
-MOST_ITERATIONS = 12
-"""Most iterations of a correction."""
+CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN = (
+    RESULT_INDEX[name] for name in ("contraction", "energy", "iterations", "residual", "slope", "turn")
+)
 
 SINGULAR = 1e-5
 """Smallest pivot, relative to its column, below which signs are rounding: the error of a tangent is rounding over its square."""
 
 _ALONG = 0.9  # cosine of the angle up to which two directions of the unknowns are one
 
-
-Place = tuple[float, Step]
-"""A step from an orbit, and its length before it."""
 
 FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, math.inf, 0, math.inf, math.nan, math.nan, [])
 
@@ -77,23 +73,10 @@ class SolvedFamily:
     _computed: int
     """How many test functions it computes; those that are watched come first."""
 
-    def _advance_block(self, *arguments: Any) -> Any:
-        """`branches.kernels.blocks.advance`, compiled for this kind of problem."""
-        raise NotImplementedError
-
-    def _narrow_bracket(self, *arguments: Any) -> Any:
-        """`branches.kernels.brackets.narrow`, compiled for this kind of problem."""
-        raise NotImplementedError
-
     @property
-    def _watched(self) -> WatchedTests:
-        """The test functions, for that kernel."""
+    def _steps(self) -> CoreSteps | KernelSteps:
+        """What takes steps along it."""
         raise NotImplementedError
-
-    @cached_property
-    def _compiled(self) -> CompiledProblem:
-        # With the fold as the only test function nothing else is computed.
-        return self.problem.compiled(full=self._computed > 1)
 
     def _step(self, solution: Solution | None) -> Step:
         """A solution as the engine sees it, with its test functions."""
@@ -119,7 +102,7 @@ class SolvedFamily:
 
     def step_between(self, before: Step, s: float, low: Place, high: Place, least_turn: float) -> tuple[Step, bool]:
         """See `continuation.Problem`."""
-        block, _, answer = self._narrow(before, low, high, Sought(float(s), 0, 0.0, least_turn, 0, 0), self._no_samples, 1)
+        block, _, answer = self._narrow(before, low, high, Sought(float(s), 0, 0.0, least_turn), 1)
         return FAILED if answer == REFUSED else AdvancedSteps(block)[0], answer == PASSED_OVER
 
     def narrow(
@@ -127,24 +110,14 @@ class SolvedFamily:
     ) -> list[Place]:
         """See `continuation.Problem`."""
         at = next(place for place, (s, _) in enumerate(known) if s == high[0])
-        sought = Sought(math.nan, index, tolerance, least_turn, len(known), at)
-        block, count, _ = self._narrow(before, low, high, sought, make_bracket(known, self.problem.unknowns), MOST)
+        block, count, _ = self._narrow(before, low, high, Sought(math.nan, index, tolerance, least_turn, known, at), MOST)
         return [(float(block.lengths[k, 0]), step) for k, step in enumerate(AdvancedSteps(block)[:count])]
 
-    def _narrow(self, before: Step, low: Place, high: Place, sought: Sought, samples: BracketWork, rows: int) -> tuple[Block, int, int]:
-        """See `branches.kernels.brackets.narrow`."""
-        y, tangent = _contiguous(before.y, before.tangent)
-        departure, block = Departure(self._compiled, MOST_ITERATIONS, self._watched, y, tangent, self._scratch), self._block(rows)
-        count, answer = self._narrow_bracket(departure, _known(*low), _known(*high), sought, samples, block)
+    def _narrow(self, before: Step, low: Place, high: Place, sought: Sought, rows: int) -> tuple[Block, int, int]:
+        """See `branches.steps.CoreSteps.narrow`."""
+        block = self._block(rows)
+        count, answer = self._steps.narrow(before, low, high, sought, block)
         return self._watched_part(block), count, answer
-
-    @cached_property
-    def _no_samples(self) -> BracketWork:
-        return make_bracket([], self.problem.unknowns)
-
-    @cached_property
-    def _scratch(self) -> np.ndarray:
-        return np.empty((5, self.problem.coordinates))
 
     def scan(
         self, sampled: Sampled, tests: Sequence[int], begin: int, limit: float, guard: bool, floor: float
@@ -156,16 +129,7 @@ class SolvedFamily:
 
     def _block(self, rows: int) -> Block:
         """Space for so many steps."""
-        problem = self.problem
-        return Block(
-            np.empty((rows, problem.unknowns)),
-            np.empty((rows, problem.tangent_size)),
-            np.empty((rows, problem.coordinates)),
-            np.empty((rows, problem.inner + 1, problem.size)),
-            np.empty((rows, len(RESULT_INDEX))),
-            np.empty((rows, self._computed)),
-            np.empty((rows, 2)),
-        )
+        return empty_block(self.problem, rows, self._computed)
 
     def _watched_part(self, block: Block) -> Block:
         """The same steps with the test functions that are watched."""
@@ -227,16 +191,8 @@ class SolvedFamily:
         return (point, after) if after.converged else None
 
     def _advance(self, recent: Recent, ds: float, goal: Goal, room: int, control: Control) -> Advance:
-        places, block = self.problem.coordinates, self._block(room + 1)
-        # The compiled code does not look at types: all arrays are contiguous float64.
-        step, direction = recent.step, np.full(places, math.nan) if goal.direction is None else goal.direction
-        y, tangent, position, target, along = _contiguous(step.y, step.tangent, step.position, goal.step.position, direction)
-        tests, older, oldest = (np.array(values, dtype=float) for values in (recent.tests, recent.older, recent.oldest))
-        beginning = Beginning(y, tangent, position, tests, older, oldest, float(recent.length), float(recent.length_before))
-        towards = GoalPlane(target, along)
-        count, tried, ds = self._advance_block(
-            self._compiled, MOST_ITERATIONS, control, self._watched, beginning, towards, float(ds), self._scratch, block
-        )
+        block = self._block(room + 1)
+        count, tried, ds = self._steps.advance(recent, ds, goal, control, block)
         if 2 * (count + tried) <= room:  # a few rows must not keep the memory of all
             block = Block(*(array[: count + tried].copy() for array in block))
         trial = None
@@ -245,16 +201,6 @@ class SolvedFamily:
             trial = self._tried(solution, block.tests[count])
         taken = self._watched_part(Block(*(array[:count] for array in block)))
         return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
-
-
-def _contiguous(*arrays: Any) -> list[np.ndarray]:
-    """Arrays as kernels take them, which do not look at types."""
-    return [np.ascontiguousarray(array, float) for array in arrays]
-
-
-def _known(length: float, step: Step) -> Known:
-    y, tangent = _contiguous(step.y, step.tangent)
-    return Known(length, y, tangent, float(step.turn))
 
 
 def begun_along(family: SolvedFamily, y: np.ndarray, tangent: np.ndarray, scale: np.ndarray) -> Step:

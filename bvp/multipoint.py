@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -16,40 +15,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
-from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
+from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED
 from bvp.kernels.extrema import Observed
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Factor, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
-from bvp.kernels.newton import set_scale
-from bvp.kernels.paths import state_at
-from bvp.kernels.stability import make_period, orbit_stability
-from bvp.kernels.step import (
-    CompiledProblem,
-    Landing,
-    Request,
-    end_states,
-    orbit_observe,
-    orbit_step,
-    two_dof_orbit_observe,
-    two_dof_orbit_step,
-)
+from bvp.kernels.multipoint import ORIGIN, PERIODIC, Segment
+from bvp.orbits import RESULT_INDEX, CoreOrbits, KernelOrbits, Solution, dense_jacobian, largest_growth
 from bvp.smooth_flights import modal_energies, smooth_flight, why_not_flown
 from bvp.system import ImpactSystem
-from bvp.texts import brief
 
 __all__ = [
     "RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "dense_jacobian", "enough_pieces", "largest_growth",
     "lost_digits", "observed_of",
 ]  # fmt: skip
-
-RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
-
-_ENTRIES = len(RESULT)
-_NOTHING = np.full(_ENTRIES, np.nan)
-"""No entry of a result is known. A copy takes a fifth of the time of making it."""
-
-_KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_step, orbit_observe)}
-"""The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones, also for
-smooth flights, which take longer than all that a compiler can unroll."""
 
 GROWTH = 1e4
 """Growth of perturbations along a flight beyond which it is solved in pieces: it leaves 12 digits of the end."""
@@ -60,42 +36,9 @@ MOST_PIECES = 32
 LARGEST = 700.0
 """Largest exponent of a growth that is a number."""
 
-_COMPILED: dict[tuple[bool, bool, int], tuple[Any, int]] = {}
-"""Each kernel with its address in memory."""
-
 
 class NotConverged(RuntimeError):
     """Newton's corrections did not reach a solution; the message says how far they came."""
-
-
-@brief
-@dataclass(eq=False, slots=True)
-class Solution:
-    """A point where the kernels arrived; not changed afterwards.
-
-    Parameters
-    ----------
-    y : (u,) float
-        Unknowns of the multipoint problem.
-    tangent : (2 u,) or (3 u,) float
-        Unit tangent of the family in the metric, then its change with arclength (0 where not known); with smooth forces the third
-        derivative too.
-    position : (N + 2,) float
-        (start state / sqrt(2 h), log h, log alpha): the coordinates in which arclength is measured.
-    ends : (k + 1, N) float
-        State at the end of each flight, before the impact there.
-    result : (len(RESULT),) float
-        See `bvp.kernels.multipoint.RESULT`; entries that do not exist are NaN.
-    """
-
-    y: np.ndarray
-    tangent: np.ndarray
-    position: np.ndarray
-    ends: np.ndarray
-    result: np.ndarray
-
-    def __getitem__(self, name: str) -> float:
-        return float(self.result[RESULT_INDEX[name]])
 
 
 class MultipointProblem:
@@ -170,33 +113,36 @@ class MultipointProblem:
         self.quarters = 4 if periodic else 1 if (self.kinds[0] == ORIGIN) != (self.kinds[1] == ORIGIN) else 2
         self.contacts = np.array([*inner, closing, opening])
 
-        of_contacts = (
-            *(modes.contacts.gap, modes.contacts.rate, modes.contacts.push),
-            *(1.0 + modes.contacts.restitution, modes.contacts.bound, modes.contacts.side),
-        )
-        arrays = (
-            # contact -1, where nothing is hit, picks the zeros at the end
-            *(np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])[self.contacts] for rows in of_contacts),
-            *end_maps(modes, self.kinds[0], opening)[:2],
-            *end_maps(modes, self.kinds[1], closing)[2:],
-            np.concatenate([modes.squares, np.ones(self.half)]),
-        )
-        if periodic and not contacts:
-            arrays[0][self.inner, self.half :] = 1.0
-        shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds, modes.pace], dtype=np.int64)
-        flight = smooth_flight(system, self.inner + 3) if self.is_smooth else modes.flight
-        self.segment = Segment._make([flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
-        self.parameters = self.segment.start_map.shape[1]
+        self.start_map, self.start_offset = end_maps(modes, self.kinds[0], opening)[:2]
+        self.end_map, self.end_offset = end_maps(modes, self.kinds[1], closing)[2:]
+        self.parameters = self.start_map.shape[1]
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
-        self._factor = make_factor(self.segment)
-        self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
-        self._period = make_period(4 * (self.inner + 1), self.is_smooth)
-        self._zero = np.zeros(2 * self.unknowns)
         self.tangent_size = (3 if self.is_smooth else 2) * self.unknowns
-        self._packed = self.segment if self.is_smooth else pack(self.segment)
         self.coordinates = size + 2
         self.observed = observed_of(system)
         self._two_dof = self.half == 2
+
+    @cached_property
+    def orbits(self) -> CoreOrbits | KernelOrbits:
+        """What computes its orbits."""
+        return KernelOrbits(self) if self.is_smooth else CoreOrbits(self)
+
+    @cached_property
+    def segment(self) -> Segment:
+        """The problem as kernels know it."""
+        modes, contacts = self.modes, self.modes.contacts
+        of_contacts = contacts.gap, contacts.rate, contacts.push, 1.0 + contacts.restitution, contacts.bound, contacts.side
+        arrays = (
+            # contact -1, where nothing is hit, picks the zeros at the end
+            *(np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])[self.contacts] for rows in of_contacts),
+            *(self.start_map, self.start_offset, self.end_map, self.end_offset),
+            np.concatenate([modes.squares, np.ones(self.half)]),
+        )
+        if self.periodic and not self.sequence:
+            arrays[0][self.inner, self.half :] = 1.0
+        shape = np.array([self.inner, int(self.periodic), self.quarters, *self.kinds, modes.pace], dtype=np.int64)
+        flight = smooth_flight(self.system, self.inner + 3) if self.is_smooth else modes.flight
+        return Segment._make([flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
 
     hit = cached_property(lambda self: frozenset(self.modes.contact_stop[self.contacts[self.contacts >= 0]].tolist()))
     held = cached_property(lambda self: held_motions(self.system, self.hit))
@@ -236,12 +182,11 @@ class MultipointProblem:
         if len(times) != self.inner + 1:
             times = np.repeat(times / self.pieces, self.pieces)
         if nodes is None:
-            nodes = np.empty((self.inner, self.size))
-            nodes_by_flight(self.segment, start, times, self._work[0, : self.size].copy(), nodes)
+            nodes = self.orbits.nodes(start, times)
         elif self.pieces > 1:
             nodes = self._with_cuts(start, np.asarray(nodes, float), times)
         y = np.zeros(self.unknowns)
-        y[: self.parameters] = self.segment.start_map.T @ (start - self.segment.start_offset)
+        y[: self.parameters] = self.start_map.T @ (start - self.start_offset)
         self.flight_times(y)[:] = times[: self.inner + 1]
         self.nodes(y)[:] = np.asarray(nodes, float)[: self.inner].reshape(self.inner, self.size)
         return y
@@ -255,11 +200,11 @@ class MultipointProblem:
         forwards = (self.inner + 1) // 2 if self.periodic and not self.sequence else self.inner
         for i in range(forwards):
             if (i + 1) % self.pieces:
-                state_at(self.segment.flight, nodes[i - 1] if i else start, float(times[i]), nodes[i])
+                nodes[i] = self.orbits.path_state(nodes[i - 1] if i else start, float(times[i]))
             else:
                 nodes[i] = impacts[i // self.pieces]
         for i in range(self.inner - 1, forwards - 1, -1):
-            state_at(self.segment.flight, nodes[i + 1] if i + 1 < self.inner else start, -float(times[i + 1]), nodes[i])
+            nodes[i] = self.orbits.path_state(nodes[i + 1] if i + 1 < self.inner else start, -float(times[i + 1]))
         return nodes
 
     def in_pieces_of(self, other: MultipointProblem, y: np.ndarray) -> np.ndarray:
@@ -273,9 +218,8 @@ class MultipointProblem:
         for first in range(0, self.inner + 1, self.pieces):
             for k in range(other.pieces):
                 piece, rest = divmod(k * self.pieces, other.pieces)
-                states.append(begins[first + piece].copy())
-                if rest:
-                    state_at(self.segment.flight, begins[first + piece], rest / other.pieces * times[first + piece], states[-1])
+                state = begins[first + piece]
+                states.append(self.orbits.path_state(state, rest / other.pieces * times[first + piece]) if rest else state)
         return other.pack(states[0], states[1:], np.repeat(self.whole_flight_times(y) / other.pieces, other.pieces))
 
     def in_enough_pieces(self, y: np.ndarray) -> MultipointProblem:
@@ -286,8 +230,7 @@ class MultipointProblem:
 
     def growth(self, y: np.ndarray) -> float:
         """The largest factor by which perturbations, relative to the size of the state, grow along a flight or a piece of one."""
-        self.residual(y)
-        return largest_growth(self.segment, self._factor, y, self.half)
+        return self.orbits.growth(y)
 
     def flight_times(self, y: np.ndarray) -> np.ndarray:
         """Flight times (k + 1,)."""
@@ -309,7 +252,7 @@ class MultipointProblem:
 
     def start(self, y: np.ndarray) -> np.ndarray:
         """Start state (N,)."""
-        return self.segment.start_map @ y[: self.parameters] + self.segment.start_offset
+        return self.start_map @ y[: self.parameters] + self.start_offset
 
     def energy(self, y: np.ndarray) -> float:
         """h at the start."""
@@ -334,40 +277,25 @@ class MultipointProblem:
 
     def path_state(self, y: np.ndarray, time: float) -> np.ndarray:
         """State (N,) at a time of the first flight."""
-        out = np.empty(self.size)
-        state_at(self.segment.flight, self.start(y), float(time), out)
-        return out
+        return self.orbits.path_state(self.start(y), float(time))
 
     def end_states(self, y: np.ndarray) -> np.ndarray:
         """State at the end of each flight, before the impact there, (k + 1, N)."""
-        out = np.empty((self.inner + 1, self.size))
-        end_states(self.segment, np.array(y, float), self._work, out)
-        return out
+        return self.orbits.end_states(y)
 
     # -- equations ------------------------------------------------------------------------------------------------------------
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """F(y), (u - 1,)."""
-        residual = np.empty(self.unknowns - 1)
-        factor = self._factor
-        evaluate(self.segment, np.array(y, float), factor.before, factor.flights, self._work[0, : self.size].copy(), residual)
-        return residual
+        return self.orbits.residual(y)
 
     def jacobian(self, y: np.ndarray) -> np.ndarray:
         """F'(y), dense (u - 1, u): for switching and for tests; Newton's steps use the block structure."""
-        factor = self._factor
-        y = np.array(y, float)
-        self.residual(y)
-        factor.scale[:] = 1.0
-        fill(self.segment, y, factor)
-        return dense_jacobian(factor, self.size + 1)
+        return self.orbits.jacobian(y)
 
     def scales(self, y: np.ndarray) -> np.ndarray:
         """Typical size of each unknown at the orbit y, (u,): one scale each for displacements, velocities and times."""
-        self.residual(y)
-        self._factor.before[:] = self.end_states(y)
-        set_scale(self.segment, np.array(y, float), self._factor)
-        return self._factor.scale.copy()
+        return self.orbits.scales(y)
 
     @property
     def curvature_blocks(self) -> list[np.ndarray]:
@@ -391,43 +319,29 @@ class MultipointProblem:
             See `refuse_drift`.
         """
         self.refuse_drift()
-        unknowns = self.unknowns
-        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), _NOTHING.copy())
-        metric, ends = np.empty((4, self.size + 2)), np.empty((self.inner + 1, self.size))
-        wanted = tuple(math.nan if value is None else float(value) for value in (energy, quarter_period))
-        outcome, change, previous = solve_orbit(self.compiled(), wanted, np.array(y, float), self._zero, metric, landing, ends)
+        wanted = (math.nan if value is None else float(value) for value in (energy, quarter_period))
+        outcome, change, previous, found = self.orbits.solve(y, *wanted)
         if outcome != SOLVED:
             reasons = {
                 DIVERGED: "diverged",
                 GROWN: f"grow ({previous:.1e} to {change:.1e} of the orbit's size)",
                 UNSETTLED: f"did not settle in {ROUNDS} steps (last one {previous:.1e})",
             }
-            limit = why_not_flown(self.segment.flight)
+            limit = why_not_flown(self.segment.flight) if self.is_smooth else ""
             raise NotConverged(f"Newton's corrections {reasons.get(outcome, 'did not settle')}" + (f"; {limit}" if limit else ""))
-        return Solution(landing.y, landing.tangent, metric[0], ends, landing.result)
+        return found
 
     def family_orbit_at(self, y: np.ndarray, along: np.ndarray, position: np.ndarray, near: float, most: int) -> np.ndarray | None:
         """The unknowns of the family's orbit at a position of the arclength's metric, to a distance `near`, after at most so many
         corrections from the orbit y of the family; None if it has none there. along (u,): direction of the family at y."""
-        unknowns = self.unknowns
-        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), _NOTHING.copy())
-        here, metric = np.empty((2, self.size + 2)), np.empty((4, self.size + 2))
-        tangent = np.concatenate([along, np.zeros(unknowns)])
-        place = np.array(position, float), float(near)
-        found = meet_position(self.compiled(full=False), place, int(most), np.array(y, float), tangent, here, metric, landing)
-        return landing.y if found else None
+        return self.orbits.meet_position(y, along, position, float(near), int(most))
 
     def correct(self, y: np.ndarray, row: np.ndarray, target: float, maximum: int) -> tuple[bool, float]:
         """Newton's corrections of y in place, held on row . y = target, `maximum` at most. Returns (whether they converged, scaled
-        residual); `_factor` is that at the last y."""
-        unknowns = self.unknowns
-        self._factor.work[5, :unknowns] = row
-        out, result, metric = np.empty(unknowns), _NOTHING.copy(), np.empty((4, self.size + 2))
-        landing = Landing(out, np.empty(2 * unknowns), result)
-        take, _ = self._kernel(0)
-        take(self._packed, self._factor, y, self._zero, Request(0.0, target, maximum), metric, landing)
-        y[:] = out
-        return bool(result[0] == 1.0), float(result[RESULT_INDEX["residual"]])
+        residual)."""
+        found = self.orbits.correct(y, row, float(target), maximum)
+        y[:] = found.y
+        return found["converged"] == 1.0, found["residual"]
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, *, maximum: int = 12, full: bool = True) -> Solution | None:
         """Step by ds along the family from y with its tangent (see `Solution`; the end may be missing); None where Newton fails.
@@ -435,23 +349,7 @@ class MultipointProblem:
         With ds = 0, y itself is corrected (least norm) and its tangent turned like the one given (all zero: as it comes).
         `full` adds multipliers, admissibility and half-waves.
         """
-        unknowns = self.unknowns
-        out = np.empty(unknowns)
-        out_tangent = np.empty(self.tangent_size)
-        result = _NOTHING.copy()
-        metric = np.empty((4, self.size + 2))
-        packed, factor = self._packed, self._factor
-        landing = Landing(out, out_tangent, result)
-        take, _ = self._kernel(0)
-        take(packed, factor, np.array(y, float), np.array(tangent, float), Request(ds, math.nan, maximum), metric, landing)
-        if result[0] != 1.0:
-            return None
-        ends = factor.before.copy()
-        if full:
-            self._kernel(1)[0](packed, self.observed, out, ends, self._work, result)
-            if self._two_dof:
-                self._kernel(2)[0](packed, out, ends, self._period, result)
-        return Solution(out, out_tangent, metric[0], ends, result)
+        return self.orbits.step(y, tangent, float(ds), maximum, full)
 
     def orbit_at(self, y: np.ndarray) -> Solution:
         """The unknowns of an orbit as a solution, as they are.
@@ -466,36 +364,6 @@ class MultipointProblem:
             raise NotConverged("the unknowns are no solution")
         return found
 
-    def _kernel(self, k: int) -> tuple[Any, int]:
-        """The kernel of a point - 0: `orbit_step`, 1: `orbit_observe`, 2: `orbit_stability` - and its address."""
-        key = self._two_dof, self.is_smooth, k
-        if key not in _COMPILED:
-            y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
-            metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
-            arguments: tuple[Any, ...] = (
-                (self._packed, self._factor, y, tangent, Request(0.0, 0.0, 0), metric, Landing(y, tangent, result)),
-                (self._packed, self.observed, y, ends, self._work, result),
-                (self._packed, y, ends, self._period, result),
-            )[k]
-            function = (*_KERNELS[self._two_dof and not self.is_smooth], orbit_stability)[k]
-            _COMPILED[key] = function, function.entry(*arguments).address
-        return _COMPILED[key]
-
-    def compiled(self, *, full: bool = True) -> CompiledProblem:
-        """The problem for a compiled function that takes steps of its own; where not `full`, only the address of `orbit_step` is given.
-        `orbit_stability` is for two degrees of freedom."""
-        wanted = (True, full, full and self._two_dof)
-        addresses = np.array([self._kernel(k)[1] if wanted[k] else 0 for k in range(3)])
-        return CompiledProblem(addresses, self._packed, self._factor, self.observed, self._work, self._period)
-
-
-def largest_growth(segment: Any, factor: Factor, y: np.ndarray, n: int) -> float:
-    """The largest factor by which perturbations of n displacements and velocities grow along a flight of the orbit y that was evaluated
-    last, relative to their sizes."""
-    displacement, velocity, _ = set_scale(segment, np.array(y, float), factor)
-    sizes = np.repeat([displacement, velocity], n)
-    return float(np.max(np.abs(factor.flights[:, : 2 * n, : 2 * n]) * sizes / sizes[:, None]))
-
 
 def enough_pieces(growth: float, pieces: int, most: int = MOST_PIECES, limit: float = GROWTH) -> int:
     """How many pieces flights need, `most` at most, of which the given ones grow by `growth`, to grow by less than a limit."""
@@ -508,18 +376,6 @@ def lost_digits(problem: Any, y: np.ndarray) -> str:
     """How perturbations of an orbit y grow, in words, where that leaves too few digits; empty where it does not. problem: of any orbits."""
     growth = problem.growth(y) if problem.is_smooth or problem.ends is None else 0.0
     return f"perturbations of the orbit, and rounding, grow by a factor {growth:.2g} in one flight" if growth > GROWTH else ""
-
-
-def dense_jacobian(factor: Factor, rows: int) -> np.ndarray:
-    """The Jacobian that `fill` wrote into the factor arrays, (u - 1, u). rows: equations of a flight."""
-    inner, unknowns = len(factor.window) // rows, factor.closing.shape[1]
-    out = np.zeros((unknowns - 1, unknowns))
-    for i in range(inner):
-        base = max(0, (i - 1) * rows)
-        width = min(factor.window.shape[1], unknowns - base)
-        out[i * rows : (i + 1) * rows, base : base + width] = factor.window[i * rows : (i + 1) * rows, :width]
-    out[inner * rows :] = factor.closing
-    return out
 
 
 @lru_cache(maxsize=64)

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import saltus_core as core
 
 from bvp.checks import EPSILON
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ORIGIN
-from bvp.multipliers import floquet_multipliers, given_chain, linearised_flights, nearest_grazing, pairs_of, sort_multipliers, system_chain
+from bvp.multipliers import floquet_multipliers, given_chain, linearised_flights, nearest_grazing, pairs_of, system_chain
 from bvp.multipoint import MultipointProblem, Solution
 
 __all__ = [
@@ -197,11 +198,11 @@ def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndar
 def chain_half_map(problem: MultipointProblem, solution: Solution) -> tuple[np.ndarray, float]:
     """The same along the chain of the orbit's flights and impacts."""
     size, k = problem.size, problem.inner
-    nodes = np.concatenate([solution.y[problem.parameters + 1 :], [0.0]])[: k * (size + 1)].reshape(k, size + 1)[:, :size]
-    states = np.vstack([problem.start(solution.y), nodes])
-    times = np.array(problem.flight_times(solution.y), float)
-    ends = np.array(solution.ends, float, order="C")
-    kinds, held, contact = tuple(map(int, problem.kinds)), np.ascontiguousarray(problem.held), np.array(problem.contacts, dtype=np.int64)
+    states, first = np.empty((k + 1, size)), problem.parameters + 1
+    states[0] = problem.start(solution.y)
+    states[1:] = solution.y[first : first + k * (size + 1)].reshape(k, size + 1)[:, :size]
+    times, ends = problem.flight_times(solution.y), solution.ends
+    kinds, held, contact = tuple(map(int, problem.kinds)), problem.held, problem.contacts
     if problem.is_smooth:
         linear = linearised_flights(problem.segment.flight, np.vstack([states[:1], ends]), np.vstack([states, ends[-1:]]), times)
         reach = math.sqrt(2.0 * problem.energy(solution.y))
@@ -223,12 +224,8 @@ def half_map_multipliers(problem: MultipointProblem, solution: Solution) -> tupl
     scale = np.concatenate([np.full(m, rate), np.full(m, 1.0 / rate)])
     start, end = (scale if kind == ORIGIN else 1.0 / scale for kind in problem.kinds)
     phi = phi * start[None, :] / end[:, None]
-    a, b, c, d = phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]
-    back = np.block([[d.T @ a + b.T @ c, 2.0 * d.T @ b], [2.0 * a.T @ c, a.T @ d + c.T @ b]])
-    lost = np.abs([a.T @ d - c.T @ b - np.eye(m), a.T @ c - c.T @ a, b.T @ d - d.T @ b])
-    defect = np.max(lost, initial=0.0) / np.max(np.abs(phi), initial=1.0) ** 2
-    values = np.linalg.eigvals(back)
-    return sort_multipliers(values**2 if problem.quarters == 1 else values), float(defect)
+    values, defect = core.half_map_multipliers(np.ascontiguousarray(phi), problem.quarters == 1)
+    return values, defect
 
 
 def stability(problem: MultipointProblem, solution: Solution) -> Stability:
@@ -257,9 +254,9 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     blocks = (phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:])
     a, b, c, d = (block * factor for block, factor in zip(blocks, factors, strict=True))
     entry_error = float(roundings(problem.inner, solution["branching"])) * magnified * float(np.max(np.abs([a, b, c, d])))
-    nu, vectors, error = _eigenvalues(b.T @ c, b, c, entry_error)
-    above, _, above_error = _eigenvalues(d.T @ a, a, d, entry_error)
-    krein = _krein(a.T @ c, vectors, nu, float(entry_error * (np.linalg.norm(a, 2) + np.linalg.norm(c, 2)) + entry_error**2))
+    nu, vectors, error = _eigenvalues(_product(b, c), b, c, entry_error)
+    above, _, above_error = _eigenvalues(_product(d, a), a, d, entry_error)
+    krein = _krein(_product(a, c), vectors, nu, entry_error * (_norm(a) + _norm(c)) + entry_error**2)
     stable = DECISION[int(verdict(nu, error, above, above_error, krein))]
     if problem.half == 2 and problem.drifts:
         stable = True  # the only pair is that of the translation
@@ -272,19 +269,28 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
 def _eigenvalues(
     matrix: np.ndarray, p: np.ndarray, q: np.ndarray, entry_error: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Eigenvalues by real part, unit eigenvectors, error bounds, of a product of p and q with entries right to `entry_error`."""
+    """Eigenvalues by real part, real parts of unit eigenvectors, error bounds, of a product of p and q with entries right to
+    `entry_error`."""
     m = matrix.shape[0]
-    spread = m * entry_error * (np.linalg.norm(p, 2) + np.linalg.norm(q, 2) + m * entry_error)
+    spread = m * entry_error * (_norm(p) + _norm(q) + m * entry_error)
     if m == 1:
         return matrix[0], np.ones((1, 1)), np.array([spread])
-    values, vectors = np.linalg.eig(matrix)
-    with np.errstate(divide="ignore"):
-        try:
-            condition = np.linalg.norm(np.linalg.inv(vectors), axis=1)
-        except np.linalg.LinAlgError:
-            condition = np.full(m, math.inf)
+    values, vectors, _, condition = core.eigensystem(matrix)
+    if not np.any(values.imag):
+        values = values.real
     order = np.lexsort((values.imag, values.real))
     return values[order], vectors[:, order], spread * condition[order]
+
+
+def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """p'q, in the same order on every machine."""
+    total: np.ndarray = sum(np.multiply.outer(p[k], q[k]) for k in range(len(p)))
+    return total
+
+
+def _norm(matrix: np.ndarray) -> float:
+    """The largest singular value."""
+    return float(np.max(core.singular_values(np.ascontiguousarray(matrix))))
 
 
 def _krein(form: np.ndarray, vectors: np.ndarray, nu: np.ndarray, error: float) -> np.ndarray:
@@ -294,8 +300,7 @@ def _krein(form: np.ndarray, vectors: np.ndarray, nu: np.ndarray, error: float) 
     for j in range(m):
         if abs(np.imag(nu[j])) > 0.0 or not -1.0 < np.real(nu[j]) < 0.0:
             continue
-        x = np.real(vectors[:, j])
-        value = float(x @ form @ x)
+        value = math.fsum((np.multiply.outer(vectors[:, j], vectors[:, j]) * form).ravel().tolist())
         if abs(value) > m * error:
             signs[j] = 1 if value > 0.0 else -1
     return signs
@@ -311,7 +316,7 @@ def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
     if not np.all(np.isfinite(multipliers.values)):
         return Stability(unknown, None, None, none, unknown, unknown, multipliers.note)
     impacts = len(cycle.contact)
-    spread = float(roundings(impacts, solution["branching"])) / nearest_grazing(cycle)[1] * float(np.linalg.norm(multipliers.matrix, 2))
+    spread = float(roundings(impacts, solution["branching"])) / nearest_grazing(cycle)[1] * _norm(multipliers.matrix)
     if m == 1:
         tau, error = np.array([multipliers.trace]), np.array([2.0 * spread])
     else:
@@ -319,7 +324,14 @@ def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
         traces = [(value + 1.0 / value, value) for value, _ in pairs_of(multipliers.values)]
         traces = [(trace.real if value.imag == 0.0 else trace, value) for trace, value in traces]
         tau, values = np.array(sorted(traces, key=lambda pair: (np.real(pair[0]), np.imag(pair[0])))).T
-        bound = 2 * m * spread * float(np.linalg.cond(np.linalg.eig(multipliers.matrix)[1]))
+        bound = 2 * m * spread * _condition(multipliers.matrix)
         error = np.abs(1.0 - values**-2) * bound + bound * bound
     stable = DECISION[int(verdict((tau - 2.0) / 4.0, error / 4.0, (tau + 2.0) / 4.0, error / 4.0))]
     return Stability(tau, None, stable, none, unknown, error, multipliers.note)
+
+
+def _condition(matrix: np.ndarray) -> float:
+    """That of the unit eigenvectors of a matrix."""
+    _, real, imaginary, _ = core.eigensystem(matrix)
+    sizes = core.singular_values(np.block([[real, -imaginary], [imaginary, real]]))
+    return float(np.max(sizes) / np.min(sizes)) if np.min(sizes) > 0.0 else math.inf

@@ -1,7 +1,7 @@
 """Settings of a run, and step control: it accepts or rejects a step, chooses the next length, and selects steps to search for events.
 
-The engine calls the functions of this file as they are. A problem that advances in compiled code compiles the same ones: each is a pure
-function of numbers and sequences (lists, tuples or arrays alike) and uses only `math` and its arguments.
+The rules are those of the compiled core (`bvp/core/control.hpp`), where a problem that advances in compiled code uses them, too: pure
+functions of numbers.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import saltus_core
 
 if TYPE_CHECKING:
     from continuation.problem import TestFunction
@@ -31,7 +33,6 @@ BLOCK = 256
 NEAR_GOAL = 2.0
 """A point that has just passed the goal, nearer to it than this many chords, may be the goal itself: the family may close."""
 
-_LONG_CHORD = 2.0  # a chord longer than this many times its step did not come from following the curve
 _CROSSING, _GUARD, _TERMINAL_GUARD, _CHANGE = 0, 1, 2, 3
 
 
@@ -79,108 +80,57 @@ def kinds_of(tests: Sequence[TestFunction]) -> list[int]:
     return kinds
 
 
-def distance(a: Any, b: Any) -> Any:
-    """Distance of two positions."""
-    total = 0.0
-    for i in range(len(a)):
-        total += (a[i] - b[i]) * (a[i] - b[i])
-    return math.sqrt(total)
+def distance(a: Any, b: Any) -> float:
+    """Distance of two positions, sequences or arrays."""
+    found: float = saltus_core.distance(a, b)
+    return found
 
 
-def height(position: Any, goal: Any, direction: Any) -> Any:
+def height(position: Any, goal: Any, direction: Any) -> float:
     """How far a position is beyond the plane through `goal` at right angles to `direction`."""
-    total = 0.0
-    for i in range(len(goal)):
-        total += direction[i] * (position[i] - goal[i])
-    return total
+    found: float = saltus_core.height(position, goal, direction)
+    return found
 
 
-def arclength_of(chord: Any, turn: Any) -> Any:
+def arclength_of(chord: float, turn: float) -> float:
     """Arclength of a step from its chord and the cosine of its turn theta: chord (theta/2)/sin(theta/2), as on a circle; of fourth order
     in the step on any smooth curve."""
-    half = 0.5 * (1.0 - turn)  # sin(theta/2)^2
-    if half > 1e-12:
-        sine = math.sqrt(half) if half < 1.0 else 1.0
-        return chord * math.asin(sine) / sine
-    return chord
+    found: float = saltus_core.arclength_of(chord, turn)
+    return found
 
 
-def refusal(turn: Any, contraction: Any, chord: Any, ds: Any, control: Any) -> int:
+def refusal(turn: float, contraction: float, chord: float, ds: float, control: Control) -> int:
     """Whether a converged step of length ds is to be refused, and why: ACCEPTED, TURNED, SLOW or JUMPED."""
-    if not turn >= control.least_turn:
-        return TURNED
-    if not contraction <= control.slowest:
-        return SLOW
-    if not chord <= _LONG_CHORD * ds:
-        return JUMPED
-    return ACCEPTED
+    found: int = saltus_core.refusal(turn, contraction, chord, ds, control)
+    return found
 
 
-def next_step(ds: Any, turn: Any, contraction: Any, control: Any) -> Any:
+def next_step(ds: float, turn: float, contraction: float, control: Control) -> float:
     """Length of the step after an accepted one of length ds: turn and contraction both go with its square, and are brought to their
     targets."""
-    effort = max(control.turn_scale * (1.0 - turn), control.contraction_scale * contraction)
-    if effort < control.easy:
-        ds *= control.growth
-    else:
-        ds *= max(0.5, 1.0 / math.sqrt(effort))
-    return min(max(ds, control.shortest), control.longest)
+    found: float = saltus_core.next_step(ds, turn, contraction, control)
+    return found
 
 
-def may_hide(a: Any, b: Any, length: Any, bend: Any, beside: Any) -> bool:
+def may_hide(a: float, b: float, length: float, bend: float, beside: float) -> bool:
     """Whether a function can pass zero twice inside an interval at whose ends it has the values a and b of one sign.
 
-    bend, beside: its second divided differences over the interval and one neighbouring point, and next to these. The function is
-    replaced by the parabola through both ends with the larger bend towards zero, increased by the difference of the two: the error of the
-    interpolant. That parabola c (x - p)(q - x) reaches zero where c length^2 = (sqrt(a) + sqrt(b))^2.
-    """
-    if a < 0.0:
-        a, b, bend, beside = -a, -b, -bend, -beside
-    bulge = (max(bend, beside) + abs(bend - beside)) * length * length
-    if bulge <= a + b:
-        return False
-    return bulge > a + b + 2.0 * math.sqrt(a * b)
+    bend, beside: its second divided differences over the interval and one neighbouring point, and next to these."""
+    found: bool = saltus_core.may_hide(a, b, length, bend, beside)
+    return found
 
 
 def watch(
-    kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: Any, new: Any, first: Any, before: Any, last: Any, step: int = 2
+    kinds: Sequence[int], singular: Sequence[float], points: Sequence[Sequence[float]], lengths: Sequence[float], step: int = 2
 ) -> bool:
     """Whether a step has to be searched for events, from the test functions at four consecutive points.
 
-    step: which of the three steps between the points, by default the last one. singular: `TestFunction.singular` of each. hides:
-    `may_hide`. first, before, last: the arclengths between the points. Where there are fewer points, `oldest` or `older` is nan. Then the
-    step is searched, because the bends of its test functions are not known.
+    step: which of the three steps between the points, by default the last one. singular: `TestFunction.singular` of each. lengths: the
+    arclengths between the points. Where there are fewer points, the first values are nan. Then the step is searched, because the bends of
+    its test functions are not known.
     """
-    begin = (oldest, older, old)[step]
-    end = (older, old, new)[step]
-    length = (first, before, last)[step]
-    for i in range(len(kinds)):
-        a = begin[i]
-        b = end[i]
-        if a != a or b != b:
-            continue
-        if kinds[i] == _CHANGE:
-            if a != b:
-                return True
-            continue
-        if (a > 0.0) != (b > 0.0):
-            if kinds[i] == _CROSSING or a > 0.0:
-                return True
-            continue
-        if kinds[i] != _CROSSING and not a > 0.0:
-            if kinds[i] == _TERMINAL_GUARD:
-                return True
-            continue
-        if oldest[i] != oldest[i] or older[i] != older[i] or old[i] != old[i] or new[i] != new[i]:
-            return True
-        if singular[i] > 0.0 and abs(b) < NEAR_BRANCH_POINT * abs(a):
-            return True
-        rise = (old[i] - older[i]) / before
-        bend = ((new[i] - old[i]) / last - rise) / (before + last)
-        beside = (rise - (older[i] - oldest[i]) / first) / (first + before)
-        if hides(a, b, length, bend, beside):
-            return True
-    return False
+    found: bool = saltus_core.watch(kinds, singular, *points, *lengths, step)
+    return found
 
 
 class SettingsError(ValueError):

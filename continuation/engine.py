@@ -28,7 +28,6 @@ from continuation.control import (
     control_of,
     distance,
     height,
-    may_hide,
     next_step,
     refusal,
     watch,
@@ -278,7 +277,7 @@ def follow_in_blocks(
                 tests = list(map(float, tests))
             leaping = 0.0 < fallback < math.inf
             lengths = recent.length_before, recent.length, length
-            if leaping or watch(finder.kinds, finder.singular, may_hide, recent.oldest, recent.older, recent.tests, tests, *lengths):
+            if leaping or watch(finder.kinds, finder.singular, (recent.oldest, recent.older, recent.tests, tests), lengths):
                 history = [(-recent.length - recent.length_before, recent.oldest), (-recent.length, recent.older)]
                 try:
                     found = finder.find(history, point, Point(index + 1, arclength + length, new, ds), ds)

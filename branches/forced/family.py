@@ -24,6 +24,7 @@ from branches.kernels.blocks import WatchedTests
 from branches.kernels.functions import is_orbit
 from branches.released.family import ReleasedFamily
 from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
+from branches.steps import KernelSteps
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import RESULT
 from bvp.kernels.stroboscopic import make_stroboscopic
@@ -105,11 +106,16 @@ class ForcedFamily(AlongParameters, SolvedFamily):
 
     @cached_property
     def _watched(self) -> WatchedTests:
+        """The test functions, for its kernels."""
         problem, targets, result = self.problem, np.array(self.values, dtype=float), np.empty(len(RESULT))
         arguments = problem.segment, np.empty(problem.unknowns), problem._factor.before, self._work, result, targets, result
         singular = np.array([test.singular for test in self.tests])
         address = forced_tests.entry(*arguments).address
         return WatchedTests(np.array(kinds_of(self.tests)), singular, self._work.limits, targets, address, self._work)
+
+    @cached_property
+    def _steps(self) -> KernelSteps:
+        return KernelSteps(self.problem, self._watched, self.problem.compiled(), (advance_forced_block, narrow_forced_bracket, None))
 
     def symmetries(self, y: np.ndarray) -> list[Symmetry]:
         """See `continuation.Problem`: the same orbit half a period later, or its mirror image there, where its impacts are the same."""
@@ -119,12 +125,6 @@ class ForcedFamily(AlongParameters, SolvedFamily):
     def orbit_of(self, solution: Solution) -> tuple[ForcedProblem, Solution]:
         """The problem that a solution belongs to, with it."""
         return self.problem, solution
-
-    def _advance_block(self, *arguments: Any) -> Any:
-        return advance_forced_block(*arguments)
-
-    def _narrow_bracket(self, *arguments: Any) -> Any:
-        return narrow_forced_bracket(*arguments)
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None or not is_orbit(solution.result):

@@ -11,13 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from branches.kernels.control import arclength_of, distance, height, may_hide, next_step, refusal, watch
 from branches.kernels.functions import common_tests, is_orbit, two_dof_tests
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import call_at, chosen, inlined, short_loops
 from bvp.kernels.flight import set_1
-from bvp.kernels.multipoint import PackedSegment, Segment
+from bvp.kernels.multipoint import Segment
 from bvp.kernels.step import Landing, Request
-from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
+from continuation.control import ACCEPTED, NEAR_GOAL
 
 __all__ = [
     "Beginning", "Block", "GoalPlane", "TestedPoint", "WatchedTests", "advance", "advance_block", "first_tests", "land_tested",
@@ -104,7 +105,6 @@ def first_tests(packed, result, limits, out):
 
 
 @first_tests.of(Segment)
-@first_tests.of(PackedSegment)
 @inlined
 def first_conservative_tests(packed, result, limits, out):
     """See `common_tests`."""

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.kernels.blocks import TestedPoint, WatchedTests, land_tested
+from branches.kernels.control import may_hide
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel, short_loops
 from bvp.kernels.flight import copy_1
 from continuation.between import cubic_between, goes_aside
 from continuation.bracketing import MOST_INTERPOLATED, inverse_interpolation, is_slow, next_place
-from continuation.control import may_hide
 from continuation.resolution import longest_division, nodes_around, scan, second_differences
 
 __all__ = [

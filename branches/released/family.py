@@ -15,7 +15,7 @@ import numpy as np
 from branches.family import Family
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.images import Image, images_within
-from branches.kernels.functions import CONDITION_NOISE, TANGENT_NOISE, is_orbit, make_pairs_work
+from branches.kernels.functions import CONDITION_NOISE, TANGENT_NOISE, is_orbit
 from branches.solved_family import FAILED, SolvedFamily, step_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.released import SLACK, ReleasedProblem
@@ -110,8 +110,7 @@ class ReleasedFamily(AlongParameters, Family):
             tests = [math.nan] * len(self.tests)
             tests[5], tests[6] = parameter - low, high - parameter
             return step_of(solution, solution.result.tolist(), tests)
-        work = self._work if self._two_dof else make_pairs_work(orbit.problem)
-        tests = self._values_at(orbit.problem, orbit, orbit.result.tolist(), work)
+        tests = self._steps_of(orbit.problem).values(orbit)
         # The slope in the energy, nan where it is rounding, and the determinant have the same orientation, which is as it comes.
         tests[7] = tests[0] * math.copysign(1.0, orbit["branching"]) if self._folds_apart else math.nan
         # Along a family of one value of the parameter the slope is rounding, and near a branch point: see `common_tests`.

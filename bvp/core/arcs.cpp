@@ -17,7 +17,8 @@ Varied StartMap::place(double x) const {
 }
 
 double StartMap::unplace(double theta) const {
-    const double part = std::max((theta - low) / (high - low), 0.0), rest = std::max((high - theta) / (high - low), 0.0);
+    const double part = std::max((theta - low) / (high - low), 0.0);
+    const double rest = std::max((high - theta) / (high - low), 0.0);
     if (root_low && root_high)
         return part < 0.5 ? 2.0 / pi * asin(std::sqrt(part)) : 1.0 - 2.0 / pi * asin(std::sqrt(rest));
     if (root_low) return std::sqrt(part);
@@ -40,15 +41,17 @@ Arc stop_arc(const Starts& starts, double low, double high, bool fold) {
     arc.side = fold ? 1.0 : starts.system->contacts().side[starts.contact];
     arc.map = {low, high};
     for (int i = 0; i < 3; ++i)
-        arc.points[i] = arc_point(*starts.system, starts.contact, fold, starts.at(low + 0.5 * i * (high - low)), 0.5 * (high - low));
+        arc.points[i] = arc_point(*starts.system, starts.contact, fold, starts.at(low + 0.5 * i * (high - low)),
+                                  0.5 * (high - low));
     arc.bound();
     return arc;
 }
 
 void Arc::bound() {
-    // The integrals of the parabola through the derivatives are wrong by e and f over both halves. If the derivative were of fourth degree,
-    // it would differ from the parabola by less than 0.8 |e - f| + |e + f|. The cubics would be wrong by an eighth of the bound of that.
-    // Three times as much is taken, and twice the rounding: one sample in 5000 is beyond the single ones, one in 100,000 beyond these.
+    // The integrals of the parabola through the derivatives are wrong by e and f over both halves. If the derivative
+    // were of fourth degree, it would differ from the parabola by less than 0.8 |e - f| + |e + f|. The cubics would be
+    // wrong by an eighth of the bound of that. Three times as much is taken, and twice the rounding: one sample in 5000
+    // is beyond the single ones, one in 100,000 beyond these.
     for (int c = 0; c < 3; ++c) {
         const double a = points[0].rate[c], m = points[1].rate[c], b = points[2].rate[c];
         const double e = points[1].value[c] - points[0].value[c] - (5.0 * a + 8.0 * m - b) / 12.0;
@@ -70,7 +73,8 @@ void Arc::enclose() {
             take(points[i].value[c] + points[i].rate[c] / 3.0);
             take(points[i + 1].value[c] - points[i + 1].rate[c] / 3.0);
         }
-        const double more = miss[c] + std::max(std::fabs(points[0].rate[c]) * before, std::fabs(points[2].rate[c]) * after);
+        const double more = miss[c] + std::max(std::fabs(points[0].rate[c]) * before,
+                                               std::fabs(points[2].rate[c]) * after);
         box[c][0] = low - more, box[c][1] = high + more;
     }
 }
@@ -80,7 +84,8 @@ ArcPoint Arc::model(double u) const {
     const double t = u < 0.0 ? u + 1.0 : u;
     ArcPoint out;
     for (int c = 0; c < 3; ++c) {
-        const double d = end.value[c] - begin.value[c], e = begin.rate[c] - d, f = d - end.rate[c], g = e * (1.0 - t) + f * t;
+        const double d = end.value[c] - begin.value[c], e = begin.rate[c] - d, f = d - end.rate[c];
+        const double g = e * (1.0 - t) + f * t;
         out.value[c] = begin.value[c] + t * d + t * (1.0 - t) * g;
         out.rate[c] = d + (1.0 - 2.0 * t) * g + t * (1.0 - t) * (f - e);
     }
@@ -104,7 +109,8 @@ Hull::Hull(const Arc& arc, const Chart& chart, bool is_mirrored) {
 double Hull::bend() const { return hypot(point[2][0] - point[0][0], point[2][1] - point[0][1]) + error[0] + error[1]; }
 
 bool boxes_apart(const Arc& a, const Arc& b) {
-    return a.box[0][0] > b.box[0][1] || a.box[0][1] < b.box[0][0] || a.box[1][0] > -b.box[1][0] || a.box[1][1] < -b.box[1][1] ||
+    return a.box[0][0] > b.box[0][1] || a.box[0][1] < b.box[0][0] || a.box[1][0] > -b.box[1][0] ||
+        a.box[1][1] < -b.box[1][1] ||
            a.box[2][0] > b.box[2][1] || a.box[2][1] < b.box[2][0];
 }
 
@@ -136,7 +142,8 @@ std::array<double, 2> extent_along(const Arc& arc, const Chart& chart, double n0
     }
     for (int i = 0; i < 2; ++i) {
         const int c = chart[i];
-        const double beyond = std::max(std::fabs(arc.points[0].rate[c]) * arc.before, std::fabs(arc.points[2].rate[c]) * arc.after);
+        const double beyond = std::max(std::fabs(arc.points[0].rate[c]) * arc.before,
+                                       std::fabs(arc.points[2].rate[c]) * arc.after);
         more += std::fabs(i == 0 ? n0 : n1) * (arc.miss[c] + beyond);
     }
     return {low - more, high + more};
@@ -174,7 +181,8 @@ double side_of(const double f[2], const double noise[2], const Hull& b) {
     double sign = 0.0;
     for (const auto& q : b.point) {
         const double value = cross_product(f[0], f[1], q[0], q[1]);
-        const double bound = std::fabs(f[0]) * b.error[1] + std::fabs(f[1]) * b.error[0] + noise[0] * (std::fabs(q[1]) + b.error[1]) +
+        const double bound = std::fabs(f[0]) * b.error[1] + std::fabs(f[1]) * b.error[0] +
+            noise[0] * (std::fabs(q[1]) + b.error[1]) +
                              noise[1] * (std::fabs(q[0]) + b.error[0]);
         if (!(std::fabs(value) > bound) || value * sign < 0.0) return 0.0;
         sign = value > 0.0 ? 1.0 : -1.0;

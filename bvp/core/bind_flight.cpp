@@ -53,6 +53,15 @@ void bind_flight(nb::module_& m) {
                  return out;
              },
              nb::arg("t"), "exp(B t).")
+        .def_prop_ro("fastest", &Flight::fastest, "A bound of the rates of all blocks.")
+        .def("rate",
+             [](const Flight& self, InVector z) {
+                 require_size("the state", z.shape(0), self.size());
+                 NewVector out = new_vector(self.size());
+                 self.rate(view(z), Vector<double>(out.data(), self.size()));
+                 return out;
+             },
+             nb::arg("z"), "z' = B z.")
         .def("bounds",
              [](const Flight& self, InVector row, InVector z, double horizon) {
                  require_size("the row", row.shape(0), self.size());

@@ -223,6 +223,18 @@ void bind_multipliers(nb::module_& m) {
         nb::arg("direction"), nb::arg("held"),
         "Orthonormal rows within those of `held`, perpendicular to a direction.");
     m.def(
+        "half_map_multipliers",
+        [](InMatrix phi, bool turned) {
+            if (phi.shape(0) != phi.shape(1) || phi.shape(0) % 2)
+                throw nb::value_error("a half map is square, of an even size");
+            Spectrum<> found(int(phi.shape(0)));
+            const double defect = half_map_multipliers(view(phi), turned, found);
+            if (!found.is_known) throw std::runtime_error("eigenvalues did not converge");
+            return nb::make_tuple(complex_vector(found.real, found.imaginary), defect);
+        },
+        nb::arg("phi"), nb::arg("turned"),
+        "(multipliers of the map there and back, how far the half map is from a symplectic one).");
+    m.def(
         "half_map_tests",
         [](InMatrix phi, bool start_keeps_velocity, bool finish_keeps_velocity, double rate, int quarters,
            bool collides, double speeds, double pivot, InVector targets) {
@@ -259,6 +271,36 @@ void bind_multipliers(nb::module_& m) {
             return complex_vector(real, imaginary);
         },
         nb::arg("matrix"));
+    m.def(
+        "eigensystem",
+        [](InMatrix given) {
+            const Array<> matrix = own_square(given);
+            const int size = matrix.rows();
+            std::vector<double> real(size), imaginary(size);
+            if (!eigenvalues(Array<>(matrix), real.data(), imaginary.data()))
+                throw std::runtime_error("eigenvalues did not converge");
+            Array<Complex<double>> vectors(size, size, Complex<double>(0.0));
+            NewVector condition = new_vector(size);
+            NewMatrix real_part = new_matrix(size, size), imaginary_part = new_matrix(size, size);
+            eigenvectors(matrix, real, imaginary, vectors, Vector<double>(condition.data(), size));
+            for (int k = 0; k < size * size; ++k) {
+                real_part.data()[k] = vectors.data()[k].real;
+                imaginary_part.data()[k] = vectors.data()[k].imag;
+            }
+            return nb::make_tuple(complex_vector(real, imaginary), real_part, imaginary_part, condition);
+        },
+        nb::arg("matrix"),
+        "(eigenvalues, real and imaginary parts of unit eigenvectors as columns, conditions of the eigenvalues).");
+    m.def(
+        "singular_values",
+        [](InMatrix matrix) {
+            Array<> a = own(matrix);
+            NewVector out = new_vector(a.rows());
+            if (!singular_values(a, Vector<double>(out.data(), a.rows())))
+                throw std::runtime_error("singular values did not converge");
+            return out;
+        },
+        nb::arg("matrix"), "Singular values, not sorted, of a matrix with no more rows than columns.");
     m.def(
         "symmetric_eigenvalues",
         [](InMatrix matrix) {

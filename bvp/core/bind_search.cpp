@@ -32,7 +32,8 @@ void bind_shooting(nb::module_& m) {
     nb::enum_<Curve>(m, "Curve", "Functions of the parameter of a curve of starts.")
         .value("TRIGONOMETRIC", Curve::TRIGONOMETRIC).value("LINEAR", Curve::LINEAR)
         .value("HYPERBOLIC", Curve::HYPERBOLIC).value("QUADRATIC", Curve::QUADRATIC);
-    auto flight = nb::class_<FlightRecord>(m, "FlightRecord", "One flight of a motion. FREE, STUCK, AHEAD: contacts of a flight without impact.");
+    auto flight = nb::class_<FlightRecord>(m, "FlightRecord",
+                                           "One flight of a motion. FREE, STUCK, AHEAD: contacts without an impact.");
     flight.attr("FREE") = FREE, flight.attr("STUCK") = STUCK, flight.attr("AHEAD") = AHEAD;
     flight.def(nb::init<>())
         .def_prop_rw("state", [](const FlightRecord& r) { return numpy_of(r.begin.z); },
@@ -50,12 +51,14 @@ void bind_shooting(nb::module_& m) {
     for (const auto& [name, member] : numbers) {
         flight.def_prop_rw(name, [member](const FlightRecord& r) { return (r.*member).value; },
                            [member](FlightRecord& r, double value) { (r.*member).value = value; });
-        flight.def_prop_rw((std::string(name) + "_rate").c_str(), [member](const FlightRecord& r) { return (r.*member).rate; },
+        flight.def_prop_rw((std::string(name) + "_rate").c_str(),
+                           [member](const FlightRecord& r) { return (r.*member).rate; },
                            [member](FlightRecord& r, double value) { (r.*member).rate = value; });
     }
     nb::class_<PlanarSystem>(m, "PlanarSystem", "A system of two degrees of freedom without damping, and one stop.")
         .def("__init__",
-             [](PlanarSystem* self, std::array<double, 2> squares, const Contacts& contacts, double lower, double upper) {
+             [](PlanarSystem* self, std::array<double, 2> squares, const Contacts& contacts, double lower,
+                double upper) {
                  require_size("a contact's row", contacts.gap.columns(), 4);
                  if (contacts.count() < 1) throw nb::value_error("a search needs a stop");
                  new (self) PlanarSystem(squares, contacts, lower, upper);
@@ -67,7 +70,8 @@ void bind_shooting(nb::module_& m) {
              }, nb::arg("mode"), nb::arg("z"), nb::arg("horizon"), nb::arg("order"))
         .def("scan",
              [](const PlanarSystem& self, FarEnd kind, InMatrix starts, const std::vector<bool>& wanted, double longest,
-                nb::ndarray<int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> contacts, OutMatrix times, OutMatrix residuals, OutMatrix nodes,
+                nb::ndarray<int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> contacts, OutMatrix times,
+                    OutMatrix residuals, OutMatrix nodes,
                 OutMatrix instants) {
                  const int count = int(starts.shape(0)), flights = int(wanted.size()), inner = flights - 1;
                  require_size("a start", starts.shape(1), 4);
@@ -84,17 +88,23 @@ void bind_shooting(nb::module_& m) {
                  for (int i = 0; i < count; ++i) {
                      const int kept = keeps ? inner : 0;
                      scan.follow(self, view(starts)[i],
-                                 {{contacts.data() + size_t(i) * flights, size_t(flights)}, view(times).rows(i * flights, flights),
-                                  view(residuals).rows(i * flights, flights), {nodes.data() + size_t(i) * kept * 4, kept, 4},
+                                 {{contacts.data() + size_t(i) * flights, size_t(flights)},
+                                     view(times).rows(i * flights, flights),
+                                  view(residuals).rows(i * flights, flights),
+                                      {nodes.data() + size_t(i) * kept * 4, kept, 4},
                                   {instants.data() + size_t(i) * kept, size_t(kept)}});
                  }
              },
-             nb::arg("kind"), nb::arg("starts"), nb::arg("wanted"), nb::arg("longest"), nb::arg("contacts"), nb::arg("times"),
-             nb::arg("residuals"), nb::arg("nodes"), nb::arg("instants"), "Follow starts, and fill in the crossings of a far end.");
+             nb::arg("kind"), nb::arg("starts"), nb::arg("wanted"), nb::arg("longest"), nb::arg("contacts"),
+                 nb::arg("times"),
+             nb::arg("residuals"), nb::arg("nodes"), nb::arg("instants"),
+                 "Follow starts, and fill in the crossings of a far end.");
     nb::class_<Starts>(m, "Starts", "A curve of starts.")
         .def("__init__",
-             [](Starts* self, std::shared_ptr<const PlanarSystem> system, const std::array<State4, 3>& coefficients, Curve shape, int contact) {
-                 if (contact < -1 || contact >= system->contacts().count()) throw nb::value_error("there is no such contact");
+             [](Starts* self, std::shared_ptr<const PlanarSystem> system, const std::array<State4, 3>& coefficients,
+                Curve shape, int contact) {
+                 if (contact < -1 || contact >= system->contacts().count())
+                     throw nb::value_error("there is no such contact");
                  new (self) Starts{std::move(system), coefficients, shape, contact};
              },
              nb::arg("system"), nb::arg("coefficients"), nb::arg("shape"), nb::arg("contact"))
@@ -108,24 +118,33 @@ void bind_shooting(nb::module_& m) {
                  return out.flights;
              },
              nb::arg("theta"), nb::arg("longest"), nb::arg("latest"), nb::arg("most"), "The flights of one start.")
-        .def("find_clearance", [](const Starts& self, FlightRecord& flight, double longest) { find_clearance(*self.system, flight, longest); },
+        .def("find_clearance",
+             [](const Starts& self, FlightRecord& flight, double longest) {
+                 find_clearance(*self.system, flight, longest);
+             },
              nb::arg("flight"), nb::arg("longest"), "Fill in the turning points of a flight.");
 }
 
 void bind_intervals(nb::module_& m) {
-    nb::enum_<Verdict>(m, "Verdict", "Verdicts on a flight of an interval of starts.")
-        .value("CLOSED", Verdict::CLOSED).value("SPLIT", Verdict::SPLIT).value("JUMP", Verdict::JUMP).value("DONE", Verdict::DONE)
-        .value("ENDLESS", Verdict::ENDLESS).value("GRAZED", Verdict::GRAZED).value("ENDED", Verdict::ENDED)
-        .value("PRESSED", Verdict::PRESSED).value("LATE", Verdict::LATE).value("DIFFERENT", Verdict::DIFFERENT)
-        .value("COARSE", Verdict::COARSE).value("UNEVEN", Verdict::UNEVEN).value("TOUCHES", Verdict::TOUCHES).value("SLOW", Verdict::SLOW)
-        .value("SKIMS", Verdict::SKIMS).value("NEAR_ORIGIN", Verdict::NEAR_ORIGIN).value("NEAR_REST", Verdict::NEAR_REST)
-        .value("NEAR_STOP", Verdict::NEAR_STOP);
+    nb::enum_<Verdict> verdict(m, "Verdict", "Verdicts on a flight of an interval of starts.");
+    const std::pair<const char*, Verdict> verdicts[] = {
+        {"CLOSED", Verdict::CLOSED}, {"SPLIT", Verdict::SPLIT}, {"JUMP", Verdict::JUMP}, {"DONE", Verdict::DONE},
+        {"ENDLESS", Verdict::ENDLESS}, {"GRAZED", Verdict::GRAZED}, {"ENDED", Verdict::ENDED},
+        {"PRESSED", Verdict::PRESSED}, {"LATE", Verdict::LATE}, {"DIFFERENT", Verdict::DIFFERENT},
+        {"COARSE", Verdict::COARSE}, {"UNEVEN", Verdict::UNEVEN}, {"TOUCHES", Verdict::TOUCHES},
+        {"SLOW", Verdict::SLOW}, {"SKIMS", Verdict::SKIMS}, {"NEAR_ORIGIN", Verdict::NEAR_ORIGIN},
+        {"NEAR_REST", Verdict::NEAR_REST}, {"NEAR_STOP", Verdict::NEAR_STOP}};
+    for (const auto& [name, value] : verdicts) verdict.value(name, value);
     m.attr("TUBE_MARGIN") = TUBE_MARGIN;
     nb::class_<StartMap>(m, "StartMap", "A map of [0, 1] to the parameter of starts.")
         .def("__init__", [](StartMap* self, double low, double high, bool root_low, bool root_high) {
                  new (self) StartMap{low, high, root_low, root_high};
              }, nb::arg("low"), nb::arg("high"), nb::arg("root_low"), nb::arg("root_high"))
-        .def("place", [](const StartMap& self, double x) { const Varied t = self.place(x); return std::make_pair(t.value, t.rate); })
+        .def("place",
+             [](const StartMap& self, double x) {
+                 const Varied theta = self.place(x);
+                 return std::make_pair(theta.value, theta.rate);
+             })
         .def("unplace", &StartMap::unplace);
     m.def("positive_between",
           [](double a, double a_rate, double m_, double m_rate, double b, double b_rate, double r, double noise) {
@@ -138,23 +157,29 @@ void bind_intervals(nb::module_& m) {
               const PlanarSystem system(squares, std::move(contacts), -1.0, 1.0);
               return crossing(system, kind, {{z, along}, 0.0, r, width}, {visit[0], visit[1], visit[2]});
           },
-          "Whether a crossing can hold an orbit, and its time. visit: times of its begin, its end and the least distance.");
+          "Whether a crossing can hold an orbit, and its time. visit: begin, end and time of the least distance.");
     nb::class_<EndCrossing>(m, "EndCrossing")
-        .def_ro("kind", &EndCrossing::kind).def_ro("impacts", &EndCrossing::impacts).def_ro("theta", &EndCrossing::theta)
+        .def_ro("kind", &EndCrossing::kind).def_ro("impacts", &EndCrossing::impacts)
+        .def_ro("theta", &EndCrossing::theta)
         .def_ro("flight", &EndCrossing::flight).def_ro("residual", &EndCrossing::residual)
-        .def_ro("converged", &EndCrossing::converged).def_ro("low", &EndCrossing::low).def_ro("high", &EndCrossing::high);
+        .def_ro("converged", &EndCrossing::converged).def_ro("low", &EndCrossing::low)
+        .def_ro("high", &EndCrossing::high);
     nb::class_<Opening>(m, "Opening")
         .def_ro("theta", &Opening::theta).def_ro("width", &Opening::width).def_ro("flight", &Opening::flight)
         .def_ro("reason", &Opening::reason);
     nb::class_<IntervalScan>(m, "IntervalScan", "An adaptive scan of a curve of starts.")
         .def("__init__",
-             [](IntervalScan* self, const Starts& starts, const std::array<double, 4>& times, const std::array<int, 4>& impacts, bool fold,
+             [](IntervalScan* self, const Starts& starts, const std::array<double, 4>& times, 
+                const std::array<int, 4>& impacts, bool fold,
                 double longest, double latest, int most) {
                  new (self) IntervalScan(StartSearch{starts, times, impacts, fold, longest, latest, most});
              },
-             nb::arg("starts"), nb::arg("times"), nb::arg("impacts"), nb::arg("fold"), nb::arg("longest"), nb::arg("latest"), nb::arg("most"))
-        .def("begin", &IntervalScan::begin, nb::arg("low"), nb::arg("high"), nb::arg("map"), nb::arg("budget"), Unlocked())
-        .def("go", &IntervalScan::go, nb::arg("passes"), Unlocked(), "Scan on for about so many flights. Returns whether it is done.")
+             nb::arg("starts"), nb::arg("times"), nb::arg("impacts"), nb::arg("fold"), nb::arg("longest"),
+                 nb::arg("latest"), nb::arg("most"))
+        .def("begin", &IntervalScan::begin, nb::arg("low"), nb::arg("high"), nb::arg("map"), nb::arg("budget"),
+             Unlocked())
+        .def("go", &IntervalScan::go, nb::arg("passes"), Unlocked(),
+             "Scan on for about so many flights. Returns whether it is done.")
         .def_ro("crossings", &IntervalScan::crossings)
         .def_ro("openings", &IntervalScan::openings)
         .def("take_arcs",
@@ -173,11 +198,13 @@ void bind_intervals(nb::module_& m) {
         .def_prop_ro("counts",
                      [](const IntervalScan& self) {
                          const IntervalCounts& c = self.counts;
-                         return Numbers{{"starts", c.starts}, {"split", c.split}, {"closed", c.closed}, {"grazings", c.grazings},
+                         return Numbers{{"starts", c.starts}, {"split", c.split}, {"closed", c.closed},
+                             {"grazings", c.grazings},
                                         {"open", c.open}, {"at_grazing", c.at_grazing}, {"budget", c.budget}};
                      })
         .def("verdict",
-             [](const IntervalScan& self, int k, const std::vector<FlightRecord>& a, const std::vector<FlightRecord>& middle,
+             [](const IntervalScan& self, int k, const std::vector<FlightRecord>& a,
+                const std::vector<FlightRecord>& middle,
                 const std::vector<FlightRecord>& b, double r, double grain) {
                  Followed one{a, int(a.size()), {}}, two{middle, int(middle.size()), {}}, three{b, int(b.size()), {}};
                  Crossings found;
@@ -190,18 +217,22 @@ void bind_intervals(nb::module_& m) {
 void bind_meetings(nb::module_& m) {
     nb::class_<Arc>(m, "Arc", "The image of an interval of starts on the section of the impacts.")
         .def("__init__",
-             [](Arc* self, const std::array<std::array<double, 3>, 3>& values, const std::array<std::array<double, 3>, 3>& rates) {
+             [](Arc* self, const std::array<std::array<double, 3>, 3>& values, 
+                const std::array<std::array<double, 3>, 3>& rates) {
                  new (self) Arc();
                  for (int i = 0; i < 3; ++i) self->points[i] = {values[i], rates[i]};
                  self->bound();
              },
-             nb::arg("values"), nb::arg("rates"), "From the points (s, v, n) at both ends and in the middle, and their derivatives.")
+             nb::arg("values"), nb::arg("rates"),
+                 "From the points (s, v, n) at both ends and in the middle, and their derivatives.")
         .def_ro("impacts", &Arc::impacts)
         .def_ro("curve", &Arc::curve)
         .def_prop_ro("arrived", [](const Arc& self) { return std::make_pair(self.arrived[0], self.arrived[1]); })
         .def_prop_ro("left", [](const Arc& self) { return std::make_pair(self.left[0], self.left[1]); })
-        .def_prop_ro("values", [](const Arc& self) { return matrix_of(self.points, &ArcPoint::value); }, nb::rv_policy::move)
-        .def_prop_ro("rates", [](const Arc& self) { return matrix_of(self.points, &ArcPoint::rate); }, nb::rv_policy::move)
+        .def_prop_ro("values", [](const Arc& self) { return matrix_of(self.points, &ArcPoint::value); },
+                     nb::rv_policy::move)
+        .def_prop_ro("rates", [](const Arc& self) { return matrix_of(self.points, &ArcPoint::rate); },
+                     nb::rv_policy::move)
         .def_prop_ro("error", [](const Arc& self) { return numpy_of({self.error, 3}); }, nb::rv_policy::move)
         .def_prop_ro("miss", [](const Arc& self) { return numpy_of({self.miss, 3}); }, nb::rv_policy::move)
         .def_prop_ro("box", [](const Arc& self) {
@@ -236,7 +267,8 @@ void bind_meetings(nb::module_& m) {
     });
     nb::class_<MeetingSearch>(m, "MeetingSearch", "Meetings of arcs with mirror images of arcs.")
         .def("__init__",
-             [](MeetingSearch* self, std::vector<Starts> curves, std::vector<int> gone, InMatrix times, InPairs impacts, bool fold, int room) {
+             [](MeetingSearch* self, std::vector<Starts> curves, std::vector<int> gone, InMatrix times,
+                InPairs impacts, bool fold, int room) {
                  const size_t count = curves.size();
                  require_size("gone", gone.size(), count);
                  require_size("times", times.size(), count * count);
@@ -261,7 +293,8 @@ void bind_meetings(nb::module_& m) {
                  record.flights.resize(record.count);
                  return std::make_tuple(found.arrives, found.point.value, found.point.rate, record.flights);
              },
-             nb::arg("arc"), nb::arg("u"), "(whether it arrives in the box, the point, its derivative, the flights) of the start at u.")
+             nb::arg("arc"), nb::arg("u"),
+                 "(whether it arrives in the box, the point, its derivative, the flights) of the start at u.")
         .def_prop_ro("counts",
                      [](const MeetingSearch& self) {
                          const MeetingCounts& c = self.counts;
@@ -272,7 +305,8 @@ void bind_meetings(nb::module_& m) {
              [](const MeetingSearch& self) {
                  const int count = int(self.meetings.size());
                  size_t most = 0;
-                 for (const Meeting& each : self.meetings) most = std::max(most, each[0].durations.size() + each[1].durations.size());
+                 for (const Meeting& each : self.meetings)
+                     most = std::max(most, each[0].durations.size() + each[1].durations.size());
                  NewMatrix theta = new_matrix(count, 2), impacts = new_matrix(count, 2), curves = new_matrix(count, 2);
                  NewMatrix durations = new_matrix(count, int(most)), contacts = new_matrix(count, int(most));
                  std::fill(durations.data(), durations.data() + count * most, 0.0);
@@ -290,8 +324,8 @@ void bind_meetings(nb::module_& m) {
                  }
                  return std::make_tuple(theta, impacts, curves, durations, contacts);
              },
-             "Of all meetings, from both curves: parameters, impacts, numbers of the curves; flight times and contacts of the first curve's "
-             "impacts, then of the second's.");
+             "Of all meetings, from both curves: parameters, impacts, numbers of the curves; flight times and contacts "
+             "of the first curve's impacts, then of the second's.");
 }
 
 }  // namespace

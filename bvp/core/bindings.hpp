@@ -19,6 +19,7 @@ using InIndices = nb::ndarray<const int64_t, nb::ndim<1>, nb::c_contig, nb::devi
 using InPairs = nb::ndarray<const int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using OutVector = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using OutMatrix = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using OutCube = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using NewVector = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
 using NewMatrix = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 
@@ -56,8 +57,11 @@ inline void require_size(const char* name, size_t size, size_t expected) {
 }
 
 void bind_flight(nb::module_& m);
+void bind_elimination(nb::module_& m);
+void bind_orbit(nb::module_& m);
+void bind_family(nb::module_& m);
 void bind_events(nb::module_& m);
-void bind_search(nb::module_& m);
 void bind_multipliers(nb::module_& m);
+void bind_search(nb::module_& m);
 
 }  // namespace saltus

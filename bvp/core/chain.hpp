@@ -219,7 +219,7 @@ private:
     }
 
     template <int W>
-    static void forwards(const Modal& node, double*__restrict x) {
+    static void forwards(const Modal& node, double* __restrict x) {
         const int half = node.half, stride = node.stride;
         const double *__restrict e = node.e, *__restrict gap = node.gap, *__restrict rate = node.rate;
         double lateness[W] = {}, kick[W] = {};
@@ -245,7 +245,7 @@ private:
 
     /// The inverse of S is R (1 + late g), and that of a flight's pair has the determinant 1.
     template <int W>
-    static void backwards(const Modal& node, double*__restrict x) {
+    static void backwards(const Modal& node, double* __restrict x) {
         const int half = node.half, stride = node.stride;
         const double *__restrict e = node.e, *__restrict gap = node.gap;
         const double *__restrict late = node.late, *__restrict push = node.push;
@@ -298,7 +298,7 @@ private:
     }
     /// sum += factor times row r of x.
     template <class X>
-    static void add(double factor, X& x, int r, int columns, double*__restrict sum) {
+    static void add(double factor, X& x, int r, int columns, double* __restrict sum) {
         const double *__restrict from = &x(r, 0);
         for (int c = 0; c < columns; ++c) sum[c] += factor * from[c];
     }

@@ -5,7 +5,7 @@
 
 namespace saltus {
 
-template <class T>
+template <class T = double>
 struct Complex {
     T real, imag;
 

@@ -1,83 +1,30 @@
 /// Multipliers of a conservative orbit without a product in which large ones drown small ones.
 ///
-/// The perturbations that grow most span a subspace that the orbit carries along. Run round the cycle, any frame turns
-/// into it, and a frame run backwards turns into the subspace of those that shrink most. The orbit carries a frame Q
-/// into Q+: M Q = Q+ R with a product R of triangular factors, graded. In the frame Q the map is W R, with W = Q' Q+
-/// orthogonal and, as the frame settles, block diagonal: its eigenvalues are those of the diagonal blocks of W R. What
-/// is left, modulo the first subspace, neither grows nor shrinks much: there the formed product loses no digit. Each
-/// impact takes a few operations a column, and no factor is ever reduced as a whole.
+/// The perturbations that grow most span a subspace that the orbit carries along. Run round the cycle, any frame
+/// turns into it, and a frame run backwards turns into the subspace of those that shrink most. The orbit carries a
+/// frame Q into Q+: M Q = Q+ R with a product R of triangular factors, graded. In the frame Q the map is W R, with W
+/// = Q' Q+ orthogonal and, as the frame settles, block diagonal; periodic QR of the two factors finds its
+/// eigenvalues. What is left, modulo the first subspace, neither grows nor shrinks much: there the formed product
+/// loses no digit. Each impact takes a few operations a column, and no factor of the orbit is ever reduced as a
+/// whole.
 ///
 /// Subspace iteration: Golub and Van Loan, Matrix Computations, 4th ed. 2013, 7.3.
 #pragma once
 
 #include "chain.hpp"
+#include "periodic_qr.hpp"
 #include "spectrum.hpp"
 
 namespace saltus {
-
-/// A triangular matrix whose row j is scaled by 2^-exponent[j].
-template <int M>
-class GradedTriangle {
-public:
-    explicit GradedTriangle(int size) : entries_(size), exponent_(size, 0) {}
-    void set_identity(int count) {
-        for (int r = 0; r < count; ++r) {
-            exponent_[r] = 0;
-            for (int c = 0; c < count; ++c) entries_(r, c) = r == c ? 1.0 : 0.0;
-        }
-    }
-    double operator()(int r, int c) const { return entries_(r, c); }
-    int exponent(int r) const { return exponent_[r]; }
-
-    /// Multiply it by another triangle from the left.
-    template <class U>
-    void multiply_left(const U& upper, int count) {
-        for (int r = 0; r < count; ++r) {
-            double largest = 0.0;
-            for (int c = r; c < count; ++c) {
-                double total = upper(r, r) * entries_(r, c);
-                for (int k = r + 1; k <= c; ++k) {
-                    const int shift = exponent_[k] - exponent_[r];
-                    const double term = upper(r, k) * entries_(k, c);
-                    total += shift == 0 ? term : std::ldexp(term, shift);
-                }
-                entries_(r, c) = total;
-                largest = larger(largest, std::fabs(total));
-            }
-            if (largest < INFINITE && (largest > 1e100 || (0.0 < largest && largest < 1e-100))) {
-                const int shift = binary_exponent(largest);
-                exponent_[r] += shift;
-                for (int c = r; c < count; ++c) entries_(r, c) = std::ldexp(entries_(r, c), -shift);
-            }
-        }
-    }
-
-private:
-    Dense<M> entries_;
-    std::vector<int> exponent_;
-};
 
 /// The large and the small of M multipliers of orbits with N entries a state.
 template <int N = DYNAMIC, int M = DYNAMIC>
 class Deflation {
 public:
     Deflation(int count, int size)
-        : size_(size),
-          count_(count),
-          basis_(count, size),
-          columns_(size),
-          frame_(count),
-          turn_(count),
-          upper_(count),
-          image_(count),
-          part_(count),
-          block_(count),
-          rest_(count),
-          triangle_(count),
-          weights_(size),
-          line_(size),
-          other_real_(count),
-          other_imaginary_(count) {}
+        : size_(size), count_(count), basis_(count, size), columns_(size), frame_(count), turn_(count), upper_(count),
+          triangle_(count), image_(count), part_(count), block_(count), rest_(count), weights_(size), line_(size),
+          other_real_(count), other_imaginary_(count) {}
 
     /// Replace the eigenvalues of the formed map in `found`. vectors: the trivial rows of node 0, which are
     /// overwritten. Returns how many times the orbit was run round; 0 where the multipliers do not part well.
@@ -151,15 +98,13 @@ public:
     }
 
 private:
-    static constexpr double PART = 0.8;  // largest ratio of two neighbouring moduli that are parted
-    static constexpr double TRUSTED =
-        1e-10;                             // eigenvalues of a formed matrix below this part of its norm say nothing yet
-    static constexpr double GROWTH = 8.0;  // of the leading columns, after which they are orthonormalised again
-    static constexpr double ROUNDED = 1e-16;   // error of a frame below which no further round improves it
-    static constexpr double SETTLED = 1e-14;   // error of a frame that is rounding if it no longer decreases
-    static constexpr double APART = 1e-15;     // coupling below which two diagonal blocks are separate
-    static constexpr double SMALL_NORM = 1e7;  // of a formed block, for eigenvalues of size 1
-    static constexpr int MOST_ROUNDS = 40;     // for one frame
+    static constexpr double PART = 0.8;       // largest ratio of two neighbouring moduli that are parted
+    static constexpr double TRUSTED = 1e-10;  // part of the norm of a formed matrix below which its eigenvalues mean nothing
+    static constexpr double GROWTH = 8.0;     // of the leading columns, after which they are orthonormalised again
+    static constexpr double ROUNDED = 1e-16;  // error of a frame below which no further round improves it
+    static constexpr double SETTLED = 1e-14;  // error of a frame that is rounding if it no longer decreases
+    static constexpr double APART = 1e-15;    // coupling of two directions of a frame that is rounding
+    static constexpr int MOST_ROUNDS = 40;    // for one frame
     /// Norm of the product of what is left, and of the change at an impact, up to which they are taken. The change is
     /// large near a grazing, and what it does not magnify is lost in its rounding.
     static constexpr double NORM = 1e3;
@@ -243,7 +188,7 @@ private:
             const double away = turn(count);
             if (!(away < INFINITE)) return 0;
             // A frame has the multipliers of the span that the round began with, and ends with a better one.
-            if (known && block_multipliers(count, real.data(), imaginary.data())) return rounds;
+            if (known) return leading_multipliers(count, real, imaginary) ? rounds : 0;
             known = away * ratio < ROUNDED || (away < SETTLED && away > 0.5 * older);
             older = away;
         }
@@ -262,7 +207,8 @@ private:
     /// same coordinates, and triangle_ the triangular factor of the first ones.
     void run_round(const Chain<N>& chain, const Contacts& contacts, bool back, int columns, int count) {
         const int nodes = chain.nodes();
-        triangle_.set_identity(count);
+        for (int r = 0; r < count; ++r)
+            for (int c = 0; c < count; ++c) triangle_(r, c) = r == c ? 1.0 : 0.0;
         for (int c = 0; c < columns; ++c) {
             for (int r = 0; r < size_; ++r) line_[r] = 0.0;
             for (int b = 0; b < count_; ++b)
@@ -319,7 +265,13 @@ private:
                 for (int c = 0; c < width() && at + c < count; ++c) upper_(j, at + c) = total[c];
             });
         }
-        triangle_.multiply_left(upper_, count);
+        // The triangle multiplies the one before it from the left.
+        for (int r = 0; r < count; ++r)
+            for (int c = r; c < count; ++c) {
+                double total = 0.0;
+                for (int k = r; k <= c; ++k) total += upper_(r, k) * triangle_(k, c);
+                triangle_(r, c) = total;
+            }
     }
 
     /// turn_: the image's leading columns in the frame. Returns how far they are from the frame's span; they replace
@@ -344,68 +296,22 @@ private:
         return away == away ? away : INFINITE;
     }
 
-    /// Eigenvalues of the diagonal blocks of the first `count` rows and columns, which are not coupled. Returns whether
-    /// they need no further round.
-    bool block_multipliers(int count, double* real, double* imaginary) {
-        bool settled = true;
-        int first = 0;
-        for (int cut = 1; cut <= count; ++cut) {
-            if (cut < count && !is_apart(cut, count)) continue;
-            settled = one_block(first, cut, real + first, imaginary + first) && settled;
-            first = cut;
+    /// Eigenvalues of W R, the first `count` rows and columns, which keep their digits however far apart they are:
+    /// periodic QR. Returns whether they are found.
+    bool leading_multipliers(int count, std::vector<double>& real, std::vector<double>& imaginary) {
+        ProductChain<> chain(count);
+        chain.begin(2);
+        for (int r = 0; r < count; ++r)
+            for (int c = 0; c < count; ++c) {
+                chain.factor(0)(r, c) = r <= c ? triangle_(r, c) : 0.0;
+                chain.factor(1)(r, c) = std::fabs(turn_(r, c)) < APART ? 0.0 : turn_(r, c);
+            }
+        if (chain.eigenvalues(block_.square(count)) < 1) return false;
+        for (int j = 0; j < count; ++j) {
+            real[j] = chain.real()[j], imaginary[j] = chain.imaginary()[j];
+            if (!(hypot(real[j], imaginary[j]) < INFINITE)) return false;
         }
-        return settled;
-    }
-    bool is_apart(int cut, int count) const {
-        for (int r = cut; r < count; ++r)
-            for (int c = 0; c < cut; ++c)
-                if (!(std::fabs(turn_(r, c)) < APART)) return false;
         return true;
-    }
-    bool one_block(int first, int last, double* real, double* imaginary) {
-        const int size = last - first;
-        // Rows of like size: no eigenvalue drowns in the rounding of another.
-        int largest = triangle_.exponent(first);
-        for (int r = first; r < last; ++r) largest = std::max(largest, triangle_.exponent(r));
-        double most = 0.0, least = INFINITE;
-        Matrix<double> block = block_.square(size);
-        for (int r = first; r < last; ++r) {
-            for (int c = first; c < last; ++c)
-                most = larger(most, std::ldexp(std::fabs(triangle_(r, c)), triangle_.exponent(r) - largest));
-            least = smaller(least, std::ldexp(std::fabs(triangle_(r, r)), triangle_.exponent(r) - largest));
-            for (int c = first; c < last; ++c) {
-                double total = 0.0;
-                for (int k = first; k < last; ++k)
-                    total += turn_(r, k) * std::ldexp(triangle_(k, c), triangle_.exponent(k) - largest);
-                block(r - first, c - first) = total;
-            }
-        }
-        const bool is_level = size == 1 || most < GRADE * least;
-        const double norm = std::sqrt(sum_of_squares(block));
-        if (size == 1) {
-            real[0] = block(0, 0), imaginary[0] = 0.0;
-        } else if (size == 2) {
-            // The smaller real one is determinant / larger, which avoids cancellation.
-            two_eigenvalues(block(0, 0), block(0, 1), block(1, 0), block(1, 1), real, imaginary);
-            if (imaginary[0] == 0.0) {
-                const int s = first, e = first + 1;
-                if (std::fabs(real[1]) > std::fabs(real[0])) std::swap(real[0], real[1]);
-                double determinant =
-                    (turn_(s, s) * turn_(e, e) - turn_(s, e) * turn_(e, s)) * triangle_(s, s) / real[0];
-                determinant *= std::ldexp(triangle_(e, e), triangle_.exponent(s) + triangle_.exponent(e) - 2 * largest);
-                real[1] = real[0] != 0.0 ? determinant : 0.0;
-            }
-        } else if (!eigenvalues(block, real, imaginary)) {
-            for (int j = 0; j < size; ++j) real[j] = imaginary[j] = NOT_A_NUMBER;
-            return is_level;
-        }
-        most = 0.0, least = INFINITE;
-        for (int j = 0; j < size; ++j) {
-            const double modulus = hypot(real[j], imaginary[j]);
-            most = larger(most, modulus), least = smaller(least, modulus);
-            real[j] = std::ldexp(real[j], largest), imaginary[j] = std::ldexp(imaginary[j], largest);
-        }
-        return is_level || (most <= GRADE * least && norm < SMALL_NORM * least);
     }
 
     /// Rows of the frame that the map multiplies from the right become columns that its inverse multiplies from the
@@ -427,9 +333,8 @@ private:
     Values scale_;
     Dense<M, N> basis_;
     Dense<N> columns_;
-    Dense<M> frame_, turn_, upper_, image_, part_, block_;
+    Dense<M> frame_, turn_, upper_, triangle_, image_, part_, block_;
     Dense<M> rest_;  // the transpose of the map of what is left
-    GradedTriangle<M> triangle_;
     std::vector<double> weights_, line_, other_real_, other_imaginary_;
 };
 

@@ -89,9 +89,9 @@ void swap_rows(M& matrix, int i, int j) {
 inline double size_of(double x) { return std::fabs(x); }
 inline double size_of(const Complex<double>& x) { return abs(x); }
 
-/// What elimination found: the determinant's sign of the exchanged rows, smallest and largest modulus of a pivot.
+/// What elimination found: the sign that exchanged rows give the determinant, and the smallest modulus of a pivot.
 struct Pivots {
-    double sign = 1.0, least = INFINITE, most = 0.0;
+    double sign = 1.0, least = INFINITE;
 };
 
 /// Replace a square matrix, real or complex, by its triangular factors, the lower one with a unit diagonal. row(k): the
@@ -107,7 +107,6 @@ Pivots factorise(M&& matrix, Rows&& row) {
             if (const double candidate = size_of(matrix(r, k)); candidate > largest) largest = candidate, pivot = r;
         row[k] = pivot;
         found.least = smaller(found.least, largest);
-        found.most = larger(found.most, largest);
         if (pivot != k) swap_rows(matrix, k, pivot), found.sign = -found.sign;
         if (largest == 0.0) continue;
         for (int r = k + 1; r < size; ++r) {
@@ -438,6 +437,74 @@ bool symmetric_eigenvalues(M&& a, V&& vectors) {
         if (quiet) return true;
     }
     return false;
+}
+
+/// Singular values of a matrix, which is overwritten: one-sided Jacobi rotations of its rows, until these are
+/// orthogonal. Small ones keep their digits if large rows make large ones. Returns whether they converged.
+template <class M, class Out>
+bool singular_values(M&& a, Out&& out) {
+    constexpr int SWEEPS = 60;  // ten are many
+    for (int sweep = 0; sweep < SWEEPS; ++sweep) {
+        bool quiet = true;
+        for (int i = 0; i < a.rows() - 1; ++i)
+            for (int j = i + 1; j < a.rows(); ++j) {
+                const double first = dot(a[i], a[i]), second = dot(a[j], a[j]), across = dot(a[i], a[j]);
+                if (!(std::fabs(across) > EPSILON * std::sqrt(first) * std::sqrt(second))) continue;
+                quiet = false;
+                const double theta = (second - first) / 2.0 / across;
+                const double tangent = std::copysign(1.0 / (std::fabs(theta) + hypot(1.0, theta)), theta);
+                const double cosine = 1.0 / hypot(1.0, tangent);
+                const Rotation rotation{cosine, -tangent * cosine};
+                for (int c = 0; c < a.columns(); ++c) rotation.turn(a(i, c), a(j, c));
+            }
+        if (!quiet) continue;
+        for (int r = 0; r < a.rows(); ++r) out[r] = std::sqrt(dot(a[r], a[r]));
+        return true;
+    }
+    return false;
+}
+
+/// Unit eigenvectors of a square matrix with known eigenvalues, the columns of `vectors`, by inverse iteration; the
+/// inverse of this matrix of vectors has rows of the lengths `condition`: the condition numbers of the eigenvalues,
+/// infinite where there are too few vectors.
+template <class M, class V>
+void eigenvectors(const M& matrix, Values real, Values imaginary, V&& vectors, Vector<double> condition) {
+    const int size = matrix.rows();
+    const double unit = EPSILON * larger(std::sqrt(sum_of_squares(matrix)), std::numeric_limits<double>::min());
+    Array<Complex<double>> factors(size, size, Complex<double>(0.0));
+    Local<Complex<double>> x(size);
+    Local<int> row(size);
+    const auto mend = [&] {  // a pivot that is zero becomes rounding
+        for (int k = 0; k < size; ++k)
+            if (size_of(factors(k, k)) < unit) factors(k, k) = Complex<double>(unit);
+    };
+    for (int j = 0; j < size; ++j) {
+        for (int r = 0; r < size; ++r) {
+            for (int c = 0; c < size; ++c) factors(r, c) = Complex<double>(matrix(r, c));
+            factors(r, r) = factors(r, r) - Complex<double>(real[j], imaginary[j]);
+            x[r] = Complex<double>(1.0 / (1.0 + (r + size - j) % size));
+        }
+        factorise(factors, row);
+        mend();
+        for (int step = 0; step < 3; ++step) {
+            substitute(factors, row, x);
+            double most = 0.0, total = 0.0;
+            for (int r = 0; r < size; ++r) most = larger(most, size_of(x[r]));
+            for (int r = 0; r < size; ++r) x[r] = x[r] / Complex<double>(most), total += norm(x[r]);
+            for (int r = 0; r < size; ++r) x[r] = x[r] / Complex<double>(std::sqrt(total));
+        }
+        for (int r = 0; r < size; ++r) vectors(r, j) = x[r];
+    }
+    for (int r = 0; r < size; ++r)
+        for (int c = 0; c < size; ++c) factors(r, c) = vectors(r, c);
+    const bool regular = factorise(factors, row).least > 0.0;
+    for (int r = 0; r < size; ++r) condition[r] = regular ? 0.0 : INFINITE;
+    for (int c = 0; regular && c < size; ++c) {
+        for (int r = 0; r < size; ++r) x[r] = Complex<double>(r == c ? 1.0 : 0.0);
+        substitute(factors, row, x);
+        for (int r = 0; r < size; ++r) condition[r] += norm(x[r]);
+    }
+    for (int r = 0; r < size; ++r) condition[r] = std::sqrt(condition[r]);
 }
 
 }  // namespace saltus

@@ -1,11 +1,13 @@
 /// Sign changes, crossings and extrema of a linear functional f along a path, by bounds instead of sampling.
 ///
-/// With |f''| <= W over the flight, f keeps its sign over the step (|f'| + sqrt(f'^2 + 2 W |f|))/W away from zero (with f' counted against
-/// it where it points to zero), and f is monotone over |f'|/W. With |f'''| <= V, f' keeps its sign, and f is monotone, over the step of the
-/// same form for f' and f''. Steps take the longest of these, so each holds at most one zero, and that one changes the sign. A step in
-/// which f changes by its rounding alone is not divided: what is smaller cannot be seen.
+/// With |f''| <= W over the flight, f keeps its sign over the step (|f'| + sqrt(f'^2 + 2 W |f|))/W away from zero (with
+/// f' counted against it where it points to zero), and f is monotone over |f'|/W. With |f'''| <= V, f' keeps its sign,
+/// and f is monotone, over the step of the same form for f' and f''. Steps take the longest of these, so each holds at
+/// most one zero, and that one changes the sign. A step in which f changes by its rounding alone is not divided: what
+/// is smaller cannot be seen.
 ///
-/// The searches take a track (see `LinearTrack`): f, f' and f'' at a time, bounds of |f''| and |f'''| and the time up to which they hold.
+/// The searches take a track (see `LinearTrack`): f, f' and f'' at a time, bounds of |f''| and |f'''| and the time up
+/// to which they hold.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +16,8 @@
 
 namespace saltus {
 
-/// Values up to these have no sign: inside a flight, at its begin and at its end. Where one of the ends is infinite, f is zero there and has
-/// the sign that it has beside it.
+/// Values up to these have no sign: inside a flight, at its begin and at its end. Where one of the ends is infinite, f
+/// is zero there and has the sign that it has beside it.
 struct ZeroLevels {
     double inside = 0.0, first = 0.0, last = 0.0;
 };
@@ -24,9 +26,11 @@ struct ZeroLevels {
 template <class Track>
 class SignWalk {
 public:
-    SignWalk(Track& track, double shortest, ZeroLevels levels, int sign = 0) : track_(track), shortest_(shortest), levels_(levels), sign_(sign) {}
+    SignWalk(Track& track, double shortest, ZeroLevels levels, int sign = 0)
+        : track_(track), shortest_(shortest), levels_(levels), sign_(sign) {}
 
-    /// Go on to the next sample whose sign is not that before. False at the end of the flight, or where the search gives up.
+    /// Go on to the next sample whose sign is not that before. False at the end of the flight, or where the search
+    /// gives up.
     bool next() {
         constexpr int STEP_LIMIT = 100'000;  // a flight of a thousand periods takes some ten thousand
         constexpr double TWO_UNITS = 4e-16;
@@ -86,7 +90,8 @@ private:
     static double safe_step(const Sample& now, double curvature, double jerk) {
         if (!(curvature > 0.0)) return INFINITE;
         const auto [f, slope, bend] = now;
-        double step = std::max(std::fabs(slope) / curvature, free_step(std::fabs(f), f >= 0.0 ? slope : -slope, curvature));
+        double step = std::max(std::fabs(slope) / curvature,
+                               free_step(std::fabs(f), f >= 0.0 ? slope : -slope, curvature));
         if (jerk > 0.0) step = std::max(step, free_step(std::fabs(slope), slope >= 0.0 ? bend : -bend, jerk));
         return step;
     }
@@ -103,21 +108,23 @@ struct SignChanges {
     int changes, sign;
 };
 
-/// Count the sign changes of a functional for 0 < t < duration after an earlier sign (0: none yet). Values within rounding of zero have no
-/// sign. Ends that are known to be zero have the sign of the values beside them: a change that is nearer to such an end than rounding
-/// shows is counted.
+/// Count the sign changes of a functional for 0 < t < duration after an earlier sign (0: none yet). Values within
+/// rounding of zero have no sign. Ends that are known to be zero have the sign of the values beside them: a change that
+/// is nearer to such an end than rounding shows is counted.
 template <class Path>
-SignChanges sign_changes(const Path& path, const Functional& rows, double duration, int sign, bool begins_at_zero, bool ends_at_zero) {
+SignChanges sign_changes(const Path& path, const Functional& rows, double duration, int sign, bool begins_at_zero,
+                         bool ends_at_zero) {
     auto track = path.track(rows, duration);
     const double level = 1e-13 * (track.level() + 1e-300);
-    SignWalk walk(track, 1e-13 * duration, {level, begins_at_zero ? INFINITE : level, ends_at_zero ? INFINITE : level}, sign);
+    SignWalk walk(track, 1e-13 * duration, {level, begins_at_zero ? INFINITE : level, ends_at_zero ? INFINITE : level},
+                  sign);
     int changes = 0;
     while (walk.next()) changes += walk.before() != 0;
     return {walk.gave_up() ? -1 : changes, walk.sign()};
 }
 
-/// Times in (0, duration) at which a functional changes its sign, into `times` as far as there is room; a zero at the very end is no
-/// change. Returns how many there are, -1 where the search gave up.
+/// Times in (0, duration) at which a functional changes its sign, into `times` as far as there is room; a zero at the
+/// very end is no change. Returns how many there are, -1 where the search gave up.
 template <class Path>
 int crossing_times(const Path& path, const Functional& rows, double duration, Vector<double> times) {
     auto track = path.track(rows, duration);
@@ -131,9 +138,10 @@ int crossing_times(const Path& path, const Functional& rows, double duration, Ve
     return walk.gave_up() ? -1 : count;
 }
 
-/// Times in [0, duration) at which a functional crosses zero upwards, into `times`, after an earlier sign (0: none yet). Values within
-/// rounding of zero have no sign. A crossing at the beginning, where the flight before ended below zero, is at time 0. Returns their
-/// number and the last sign; the number is -1 where the search gave up or there is no room.
+/// Times in [0, duration) at which a functional crosses zero upwards, into `times`, after an earlier sign (0: none
+/// yet). Values within rounding of zero have no sign. A crossing at the beginning, where the flight before ended below
+/// zero, is at time 0. Returns their number and the last sign; the number is -1 where the search gave up or there is no
+/// room.
 template <class Path>
 SignChanges rises(const Path& path, const Functional& rows, double duration, int sign, Vector<double> times) {
     auto track = path.track(rows, duration);
@@ -148,27 +156,31 @@ SignChanges rises(const Path& path, const Functional& rows, double duration, int
     return {walk.gave_up() || count > int(times.size()) ? -1 : count, walk.sign()};
 }
 
-/// The distance of a gap from a bound at a turning point, the side of that bound, and the time. The distance is infinite if w has no turning
-/// point, and not a number if the search gave up.
+/// The distance of a gap from a bound at a turning point, the side of that bound, and the time. The distance is
+/// infinite if w has no turning point, and not a number if the search gave up.
 struct Clearance {
     double distance = INFINITE, side = 0.0, time = 0.0;
 
-    /// Take another contact if it is nearer. At a tie the distance is the smaller one, side and time are those of the earlier: the second
-    /// one is where it is not later than the first by `slack`.
+    /// Take another contact if it is nearer. At a tie the distance is the smaller one, side and time are those of the
+    /// earlier: the second one is where it is not later than the first by `slack`.
     void take(const Clearance& other, double tie, double slack) {
         const double least = std::min(distance, other.distance);
-        if (other.distance < distance - tie || (other.distance < distance + tie && other.time < time + slack)) *this = other;
+        if (other.distance < distance - tie || (other.distance < distance + tie && other.time < time + slack))
+            *this = other;
         distance = least;
     }
 };
 
-/// Part of its size by which rounding can change a distance, a speed or a time of an orbit. Of two nearer than this, the earlier counts.
+/// Part of its size by which rounding can change a distance, a speed or a time of an orbit. Of two nearer than this,
+/// the earlier counts.
 inline constexpr double TIE = 1e-13;
 
-/// Difference of two distances w = gap . position, with the speeds w' = rate . velocity, that is a tie in a flight of `duration`.
+/// Difference of two distances w = gap . position, with the speeds w' = rate . velocity, that is a tie in a flight of
+/// `duration`.
 inline double tie_of(Values gap, Values rate, Values position, Values velocity, double duration) {
     double size = 0.0;
-    for (int r = 0; r < int(gap.size()); ++r) size += std::fabs(gap[r] * position[r]) + duration * std::fabs(rate[r] * velocity[r]);
+    for (int r = 0; r < int(gap.size()); ++r)
+        size += std::fabs(gap[r] * position[r]) + duration * std::fabs(rate[r] * velocity[r]);
     return TIE * size;
 }
 
@@ -178,15 +190,18 @@ struct ObservedGap {
     double lower, upper;
 };
 
-/// What a search of a flight in pieces carries over: the sign of w' before the piece (0: the flight begins), and the steps made.
+/// What a search of a flight in pieces carries over: the sign of w' before the piece (0: the flight begins), and the
+/// steps made.
 struct TurnState {
     int sign = 0, steps = 0;
 };
 
-/// Find the smallest distance of w from its bounds at the turning points inside a piece of a flight. Of equal distances (`tie`) the first
-/// counts. Turning points after the time `last` are at the end of a closed orbit, and so at its begin: at a tie they are the first.
+/// Find the smallest distance of w from its bounds at the turning points inside a piece of a flight. Of equal distances
+/// (`tie`) the first counts. Turning points after the time `last` are at the end of a closed orbit, and so at its
+/// begin: at a tie they are the first.
 template <class Path>
-Clearance nearest_turn(const Path& path, const ObservedGap& gap, double duration, double tie, double last, TurnState& state) {
+Clearance nearest_turn(const Path& path, const ObservedGap& gap, double duration, double tie, double last,
+                       TurnState& state) {
     auto track = path.track({gap.rate, gap.second, gap.third}, duration);
     SignWalk walk(track, 1e-13 * duration, {}, state.sign);
     walk.count_steps(state.steps);
@@ -206,7 +221,8 @@ Clearance nearest_turn(const Path& path, const ObservedGap& gap, double duration
 }
 
 template <class Path>
-Clearance clearance(const Path& path, const ObservedGap& gap, double duration, double tie = 0.0, double last = INFINITE) {
+Clearance clearance(const Path& path, const ObservedGap& gap, double duration, double tie = 0.0,
+                    double last = INFINITE) {
     TurnState state;
     return nearest_turn(path, gap, duration, tie, last, state);
 }

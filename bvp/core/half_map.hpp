@@ -125,6 +125,39 @@ double half_map(const Chain<N>& chain, const Contacts& contacts, HalfEnd<Kind> s
     return magnified;
 }
 
+/// The multipliers of the map there and back, equation (13), of the half map phi (2 m, 2 m); turned: of that map
+/// applied twice. Returns how far phi is from a symplectic map, relative to the square of its largest entry.
+/// found.is_known: whether they are found.
+template <class Phi>
+double half_map_multipliers(const Phi& phi, bool turned, Spectrum<>& found) {
+    const int m = phi.rows() / 2;
+    Dense<> back(2 * m);
+    double lost = 0.0, largest = 1.0;
+    for (int r = 0; r < m; ++r)
+        for (int c = 0; c < m; ++c) {
+            // Sums over the rows of a pair of columns of a, b, c, d, taken from a and c, or b and d.
+            const auto product = [&](int first, int second, int from, int to) {
+                double total = 0.0;
+                for (int k = 0; k < m; ++k) total += phi(first * m + k, from) * phi(second * m + k, to);
+                return total;
+            };
+            back(r, c) = product(1, 0, m + r, c) + product(0, 1, m + r, c);
+            back(r, m + c) = 2.0 * product(1, 0, m + r, m + c);
+            back(m + r, c) = 2.0 * product(0, 1, r, c);
+            back(m + r, m + c) = product(0, 1, r, m + c) + product(1, 0, r, m + c);
+            const double unit = product(0, 1, r, m + c) - product(1, 0, r, m + c) - (r == c ? 1.0 : 0.0);
+            lost = larger(lost, std::fabs(unit));
+            lost = larger(lost, std::fabs(product(0, 1, r, c) - product(1, 0, r, c)));
+            lost = larger(lost, std::fabs(product(0, 1, m + r, m + c) - product(1, 0, m + r, m + c)));
+        }
+    for (int r = 0; r < 2 * m; ++r)
+        for (int c = 0; c < 2 * m; ++c) largest = larger(largest, std::fabs(phi(r, c)));
+    found.is_known = eigenvalues(back, found.real.data(), found.imaginary.data());
+    found.order(true);
+    if (turned) found.square();
+    return lost / (largest * largest);
+}
+
 /// The chain of the orbit y of a problem from its start to its far end. ends (k + 1, N): states at the end of each
 /// flight. Returns sqrt(2 H).
 template <class Problem, class Ends>
@@ -183,6 +216,10 @@ public:
         const int k = problem.inner();
         return half_map(chain_, problem.contacts(), HalfEnd{closure.start, problem.contact(k + 1)},
                         HalfEnd{closure.finish, problem.contact(k)}, Matrix<const double>(held_), reach, phi_);
+    }
+    /// The entries of a half map that is known, for two degrees of freedom.
+    void set_half_map(double a, double b, double c, double d) {
+        phi_(0, 0) = a, phi_(0, 1) = b, phi_(1, 0) = c, phi_(1, 1) = d;
     }
     const Dense<M>& phi() const { return phi_; }
 

@@ -1,18 +1,23 @@
 /// The next impact of a flight, by bounds instead of sampling.
 ///
-/// A contact has the signed distance d(t) = side (bound - w(t)), w = gap . z(t), with d >= 0 in free flight. A path bounds |w''| <= W and
-/// |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows, by equations (3) and (25),
+/// A contact has the signed distance d(t) = side (bound - w(t)), w = gap . z(t), with d >= 0 in free flight. A path
+/// bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows, by
+/// equations (3) and (25),
 ///
-///     a step without a root          h = 2 d/(-d' + sqrt(d'^2 + 2 W d)),  or  3 d''/J  where d' >= 0 and d'' > 0;
-///     a certified root               where d' < 0 and 4 W d <= d'^2: exactly one root within 2 d/|d'| (Newton-Kantorovich); d here
-///                                    counts the contact tolerance, so that rounding cannot make a hit of a touch;
-///                                    or where |d'''| <= J keeps d' below a third of its start until d < 0: d falls through its one root;
-///     a certified turning point      where d' < 0 < d'' and 4 J |d'| <= d''^2: d falls to its one minimum within 2 |d'|/d'' and is
-///                                    convex there, so the value at the minimum decides between passing, a touch and a hit.
+///     a step without a root       h = 2 d/(-d' + sqrt(d'^2 + 2 W d)),  or  3 d''/J  where d' >= 0 and d'' > 0;
+///     a certified root            where d' < 0 and 4 W d <= d'^2: exactly one root within 2 d/|d'|
+///                                 (Newton-Kantorovich); d here counts the contact tolerance, so that rounding cannot
+///                                 make a hit of a touch;
+///                                 or where |d'''| <= J keeps d' below a third of its start until d < 0: d falls
+///                                 through its one root;
+///     a certified turning point   where d' < 0 < d'' and 4 J |d'| <= d''^2: d falls to its one minimum within
+///                                 2 |d'|/d'' and is convex there, so the value at the minimum decides between
+///                                 passing, a touch and a hit.
 ///
-/// Steps therefore shrink onto a root quadratically until it is certified, and Newton on the exact flight does the rest. Only the contact
-/// just left is treated apart, and only until its distance is well above the tolerance: d(t)/t then comes from the series of d at the
-/// start. Most impacts need none of this: the steps of fixed length of `steps.hpp` find them first.
+/// Steps therefore shrink onto a root quadratically until it is certified, and Newton on the exact flight does the
+/// rest. Only the contact just left is treated apart, and only until its distance is well above the tolerance: d(t)/t
+/// then comes from the series of d at the start. Most impacts need none of this: the steps of fixed length of
+/// `steps.hpp` find them first.
 #pragma once
 
 #include <algorithm>
@@ -24,8 +29,8 @@
 
 namespace saltus {
 
-/// NONE: no impact up to the horizon. PRESSED: the motion stays pressed against the stop it starts on. OUTSIDE: the start lies beyond a
-/// stop. EXHAUSTED: the search gave up.
+/// NONE: no impact up to the horizon. PRESSED: the motion stays pressed against the stop it starts on. OUTSIDE: the
+/// start lies beyond a stop. EXHAUSTED: the search gave up.
 enum class Found { NONE, HIT, TOUCH, PRESSED, OUTSIDE, EXHAUSTED };
 
 struct NextImpact {
@@ -34,8 +39,9 @@ struct NextImpact {
     double time;
 };
 
-/// THE contact tolerance, a fraction of the sizes that make up a distance, |bound| + sum |g_i z_i|. A turning point of w within it of the
-/// bound, on either side, is a touch: it is reported and the motion goes on. Beyond it w crosses and hits.
+/// THE contact tolerance, a fraction of the sizes that make up a distance, |bound| + sum |g_i z_i|. A turning point of
+/// w within it of the bound, on either side, is a touch: it is reported and the motion goes on. Beyond it w crosses and
+/// hits.
 inline constexpr double CONTACT_TOLERANCE = 1e-13;
 
 /// The distance of a contact at one instant, and the contact tolerance in its units.
@@ -44,7 +50,8 @@ struct Gap {
 };
 
 inline Gap gauge(const Contacts& contacts, int c, Values z) {
-    const double *gap = contacts.gap[c].data(), *rate = contacts.rate[c].data(), *acceleration = contacts.acceleration[c].data();
+    const double *gap = contacts.gap[c].data(), *rate = contacts.rate[c].data();
+    const double* acceleration = contacts.acceleration[c].data();
     double w = 0.0, slope = 0.0, bend = 0.0, size = std::fabs(contacts.bound[c]);
     for (int r = 0; r < int(z.size()); ++r) {
         const double part = gap[r] * z[r];
@@ -79,11 +86,13 @@ double polish_root(const Path& path, const Contacts& contacts, int c, double cur
     for (int count = 0; count < 60; ++count) {
         path.state(t, state);
         const double d = side * (contacts.bound[c] - dot(contacts.gap[c], Values(state)));
-        const double slope = -side * dot(contacts.rate[c], Values(state)), bend = -side * dot(contacts.acceleration[c], Values(state));
+        const double slope = -side * dot(contacts.rate[c], Values(state));
+        const double bend = -side * dot(contacts.acceleration[c], Values(state));
         if (slope >= 0.0) break;
         const double step = quadratic_step(d, slope, limited(bend, curvature)), size = std::fabs(step);
         t = std::max(t + step, 0.0);
-        if (jerk * size * size * size <= -1e-17 * t * slope || size >= last) break;
+        // The error that is left is a sixth of this, over the slope.
+        if (jerk * size * size * size <= -1e-16 * t * slope || size >= last) break;
         last = size;
     }
     return t;
@@ -95,10 +104,10 @@ struct Judgement {
     double value;  // CLEAR: the step; else the time from now, or the time itself once it is known
 };
 
-/// Judge d and its derivatives at one instant. HIT: a certified root at about `value`. TURN: a certified turning point ahead. TOUCH,
-/// CROSSED: w is within the tolerance of the bound and past its turning point, or beyond the bound, without a certificate before (roots of
-/// third order and more, which the walk in steps of the tolerance finds). fresh: the contact may be within the tolerance because the
-/// flight began there, which is no touch.
+/// Judge d and its derivatives at one instant. HIT: a certified root at about `value`. TURN: a certified turning point
+/// ahead. TOUCH, CROSSED: w is within the tolerance of the bound and past its turning point, or beyond the bound,
+/// without a certificate before (roots of third order and more, which the walk in steps of the tolerance finds). fresh:
+/// the contact may be within the tolerance because the flight began there, which is no touch.
 inline Judgement judge_gap(const Gap& gap, const GapBounds& bounds, bool fresh) {
     const auto [d, slope, bend, tolerance] = gap;
     const auto [curvature, jerk, window] = bounds;
@@ -126,15 +135,19 @@ inline Judgement judge_gap(const Gap& gap, const GapBounds& bounds, bool fresh) 
         level + ahead * (slope + ahead * (0.5 * bend + jerk * ahead / 6.0)) <= 0.0)
         return {Judgement::HIT, guess};
     // Equation (25), second certificate.
-    if (bend > 0.0 && -4.0 * jerk * slope <= bend * bend && -2.0 * slope <= bend * window) return {Judgement::TURN, 0.0};
+    if (bend > 0.0 && -4.0 * jerk * slope <= bend * bend && -2.0 * slope <= bend * window)
+        return {Judgement::TURN, 0.0};
     return {Judgement::CLEAR, step};
 }
 
-/// Classify a certified turning point after time t: a hit or touch with its time, or the length of a step from t without either.
+/// Classify a certified turning point after time t: a hit or touch with its time, or the length of a step from t
+/// without either.
 template <class Path>
-Judgement resolve_turn(const Path& path, const Contacts& contacts, int c, const GapBounds& bounds, double t, Gap gap, bool fresh) {
+Judgement resolve_turn(const Path& path, const Contacts& contacts, int c, const GapBounds& bounds, double t, Gap gap,
+                       bool fresh) {
     Local<double, Path::SIZE> state(path.size());
-    const double last = t - 2.0 * gap.slope / gap.bend;  // the certificate's; rounding of what is nearly 0 would lead anywhere
+    // The end that the certificate gives: rounding of what is nearly 0 would lead anywhere.
+    const double last = t - 2.0 * gap.slope / gap.bend;
     double turn = t;
     for (int count = 0; count < 30; ++count) {  // Newton's method for d' = 0
         const double change = -gap.slope / gap.bend;
@@ -205,7 +218,8 @@ public:
 
     NextImpact run() {
         constexpr int STEP_LIMIT = 100'000;
-        constexpr int RENEW = 8;  // steps after which the bounds of a decaying motion are taken anew: they hold, but it becomes smaller
+        // Steps after which the bounds of a decaying motion are taken anew: they hold, but it becomes smaller.
+        constexpr int RENEW = 8;
         copy(path_.begin(), state_);
         if (const int c = start_contact(); c >= 0) return {Found::OUTSIDE, c, 0.0};
         near_ = leaving_ >= 0;
@@ -239,7 +253,8 @@ private:
         bool rests = false;   // the distance stays 0
     };
 
-    /// The contact beyond which the start lies, or -1. If no contact is given, one that z is on becomes the one that the flight leaves.
+    /// The contact beyond which the start lies, or -1. If no contact is given, one that z is on becomes the one that
+    /// the flight leaves.
     int start_contact() {
         const Values z = path_.begin();
         for (int c = 0; c < contacts_.count(); ++c) {
@@ -247,7 +262,8 @@ private:
             const Gap gap = gauge(contacts_, c, z);
             // Where the bound and all displacements vanish, rounding is that of the velocities.
             if (!(gap.d >= -gap.tolerance) && !(gap.d >= -path_.rounding_level(contacts_.gap[c], z))) return c;
-            if (leaving_ < 0 && gap.d <= gap.tolerance && gap.slope >= -path_.rounding_level(contacts_.rate[c], z)) leaving_ = c;
+            if (leaving_ < 0 && gap.d <= gap.tolerance && gap.slope >= -path_.rounding_level(contacts_.rate[c], z))
+                leaving_ = c;
         }
         return -1;
     }
@@ -255,7 +271,8 @@ private:
     /// Equation (24). The two contacts of one stop share their bounds.
     void renew_bounds(int c) {
         const Values row = contacts_.gap[c];
-        if (last_renewed_ < 0 || last_renewed_ != c - 1 || !std::equal(row.begin(), row.end(), contacts_.gap[c - 1].begin()))
+        if (last_renewed_ < 0 || last_renewed_ != c - 1 ||
+            !std::equal(row.begin(), row.end(), contacts_.gap[c - 1].begin()))
             bounds_ = path_.bounds(row, t_, state_, std::min(window_, 2.0 * (found_.time - t_)));
         last_renewed_ = c;
         watched_[c].jerk = bounds_.third;
@@ -263,17 +280,20 @@ private:
         watched_[c].is_far = bounds_.level < contacts_.side[c] * contacts_.bound[c];
     }
 
-    /// Judge a contact at the present time: shorten the step or the horizon. Returns what is found at the start itself, else NONE.
+    /// Judge a contact at the present time: shorten the step or the horizon. Returns what is found at the start itself,
+    /// else NONE.
     Found look_at(int c, bool starts) {
-        // A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2
-        // or so, would be known no better than rounding of w over that speed.
+        // A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a
+        // speed below 1e-2 or so, would be known no better than rounding of w over that speed.
         constexpr double NEAR = 1e9;
         Watched& watched = watched_[c];
         Gap gap = gauge(contacts_, c, state_);
-        gap.bend = limited(gap.bend, watched.curvature);  // its rounding is that of the fastest mode, even where that has died out
+        // Its rounding is that of the fastest mode, even where that has died out.
+        gap.bend = limited(gap.bend, watched.curvature);
         const bool own = c == leaving_ && near_;
         if (own) near_jerk_ = std::max(near_jerk_, watched.jerk);
-        if (starts && (own || (gap.d <= gap.tolerance && std::fabs(gap.slope) <= path_.rounding_level(contacts_.rate[c], path_.begin()))))
+        if (starts && (own || (gap.d <= gap.tolerance &&
+                               std::fabs(gap.slope) <= path_.rounding_level(contacts_.rate[c], path_.begin()))))
             return open(c, gap, own);
         if (own) {
             if (t_ < apart_) {
@@ -289,7 +309,8 @@ private:
         if (gap.d > gap.tolerance) watched.fresh = false;
         const Judgement seen = c == leaving_ && near_ ? series_.judge(near_jerk_, t_, window_) : judge(c, gap);
         if (seen.verdict == Judgement::CLEAR) step_ = std::min(step_, seen.value);
-        else if (seen.value < found_.time) found_ = {seen.verdict == Judgement::TOUCH ? Found::TOUCH : Found::HIT, c, seen.value};
+        else if (seen.value < found_.time)
+            found_ = {seen.verdict == Judgement::TOUCH ? Found::TOUCH : Found::HIT, c, seen.value};
         return Found::NONE;
     }
 
@@ -298,17 +319,18 @@ private:
         const GapBounds bounds{watched.curvature, watched.jerk, window_};
         Judgement seen = judge_gap(gap, bounds, watched.fresh);
         if (seen.verdict == Judgement::HIT || (seen.verdict == Judgement::CROSSED && gap.slope < 0.0))
-            return {Judgement::HIT, polish_root(path_, contacts_, c, bounds.curvature, bounds.jerk, std::max(t_ + seen.value, 0.0))};
+            return {Judgement::HIT, polish_root(path_, contacts_, c, bounds.curvature, bounds.jerk,
+                                                std::max(t_ + seen.value, 0.0))};
         if (seen.verdict == Judgement::TURN) return resolve_turn(path_, contacts_, c, bounds, t_, gap, watched.fresh);
         if (seen.verdict != Judgement::CLEAR) seen.value = t_;
         return seen;
     }
 
-    /// At the start of a flight from a contact the distance is 0 exactly; its derivatives decide whether the contact opens. Of another one
-    /// without distance and speed they do, too: these are rounding.
+    /// At the start of a flight from a contact the distance is 0 exactly; its derivatives decide whether the contact
+    /// opens. Of another one without distance and speed they do, too: these are rounding.
     Found open(int c, const Gap& gap, bool own) {
-        // A contact just released counts as being without rate and acceleration within this many roundings: its force has gone through
-        // other numbers.
+        // A contact just released counts as being without rate and acceleration within this many roundings: its force
+        // has gone through other numbers.
         constexpr double RELEASED = 1000.0;
         const Watched& watched = watched_[c];
         const bool exact = own && given_ && contacts_.restitution[c] != 0.0;
@@ -353,8 +375,8 @@ private:
     double t_ = 0.0, step_ = 0.0, window_ = 0.0;
 };
 
-/// The next impact by steps of fixed length. Returns false where a certified search has to decide: what is nearly a grazing, slow, or on
-/// another contact.
+/// The next impact by steps of fixed length. Returns false where a certified search has to decide: what is nearly a
+/// grazing, slow, or on another contact.
 template <class Path>
 bool step_to_impact(const Path& path, const StepStops& stops, int leaving, double horizon, NextImpact& found) {
     StepWalk walk(stops, horizon);
@@ -369,7 +391,8 @@ bool step_to_impact(const Path& path, const StepStops& stops, int leaving, doubl
     found = {Found::NONE, -1, horizon};
     if (reason != StepWalk::HIT) return reason == StepWalk::NONE;
     const StepWalk::Hit& hit = walk.hit();
-    const double time = polish_root(path, stops.contacts(), hit.contact, hit.curvature, hit.jerk, hit.guess), slack = 1e-12 * hit.end;
+    const double time = polish_root(path, stops.contacts(), hit.contact, hit.curvature, hit.jerk, hit.guess);
+    const double slack = 1e-12 * hit.end;
     if (!(time >= hit.begin - slack && time <= hit.end + slack && time > 0.0)) return false;
     if (time <= horizon) found = {Found::HIT, hit.contact, time};
     return true;
@@ -377,32 +400,41 @@ bool step_to_impact(const Path& path, const StepStops& stops, int leaving, doubl
 
 /// The first hit or touch of a path within 0 <= t <= horizon.
 ///
-/// leaving: the contact that the flight starts on, or -1. Its distance at the start is 0 exactly, and its rate is exact unless restitution
-/// has made it 0. released: its force has just come to 0, so distance, rate and acceleration are 0. If no contact is given and z is on one,
-/// its rate counts only beyond rounding. Any other contact within the tolerance at the start counts as it moves: away, or a hit at t = 0.
-/// stops: of these contacts, made once by who searches often; nullptr where the path has no steps of fixed length.
+/// leaving: the contact that the flight starts on, or -1. Its distance at the start is 0 exactly, and its rate is exact
+/// unless restitution has made it 0. released: its force has just come to 0, so distance, rate and acceleration are 0.
+/// If no contact is given and z is on one, its rate counts only beyond rounding. Any other contact within the tolerance
+/// at the start counts as it moves: away, or a hit at t = 0. stops: of these contacts, made once by who searches often;
+/// nullptr: without steps of fixed length.
 template <class Path>
-NextImpact next_impact_on(const Path& path, const Contacts& contacts, const StepStops* stops, int leaving, bool released, double horizon) {
+NextImpact next_impact_on(const Path& path, const Contacts& contacts, int leaving, bool released, double horizon,
+                          const StepStops* stops) {
     NextImpact found;
     if (stops && stops->fit() && !released && step_to_impact(path, *stops, leaving, horizon, found)) return found;
     return ImpactSearch<Path>(path, contacts, leaving, released, horizon).run();
 }
 
-template <class Flight>
-NextImpact next_impact(const Flight& flight, const Contacts& contacts, int leaving, bool released, Values z, double horizon) {
-    const auto path = path_of(flight, z);
-    if (!path.steps()) return next_impact_on(path, contacts, nullptr, leaving, released, horizon);
+template <class Path>
+NextImpact next_impact_on(const Path& path, const Contacts& contacts, int leaving, bool released, double horizon) {
+    if (!path.steps()) return next_impact_on(path, contacts, leaving, released, horizon, nullptr);
     const StepStops stops(*path.steps(), contacts);
-    return next_impact_on(path, contacts, &stops, leaving, released, horizon);
+    return next_impact_on(path, contacts, leaving, released, horizon, &stops);
 }
 
-/// The same, but touches are skipped: z moves to the last touch before the hit. The time counts from the z that was given.
 template <class Flight>
-NextImpact next_hit(const Flight& flight, const Contacts& contacts, const StepStops* stops, int leaving, Vector<double> z, double horizon) {
+NextImpact next_impact(const Flight& flight, const Contacts& contacts, int leaving, bool released, Values z,
+                       double horizon) {
+    return next_impact_on(path_of(flight, z), contacts, leaving, released, horizon);
+}
+
+/// The same, but touches are skipped: z moves to the last touch before the hit. The time counts from the z that was
+/// given.
+template <class Flight>
+NextImpact next_hit(const Flight& flight, const Contacts& contacts, const StepStops* stops, int leaving,
+                    Vector<double> z, double horizon) {
     double elapsed = 0.0;
     while (true) {
         const auto path = path_of(flight, z);
-        NextImpact found = next_impact_on(path, contacts, stops, leaving, false, horizon - elapsed);
+        NextImpact found = next_impact_on(path, contacts, leaving, false, horizon - elapsed, stops);
         if (found.found == Found::TOUCH) {
             Local<double, Flight::SIZE> state(flight.size());
             path.state(found.time, state);

@@ -9,7 +9,8 @@ namespace {
 
 /// The first record that is not of one of the ends.
 constexpr int FIRST_SPARE = 2;
-/// An interval at a grazing stays open if rounding of the starts hides this many times more of it than the contact tolerance does.
+/// An interval at a grazing stays open if rounding of the starts hides this many times more of it than the contact
+/// tolerance does.
 constexpr double COARSE = 10.0;
 /// How far outside its interval Newton's method may end at a grazing: about what is left out between its two sides.
 constexpr double SLIVER = 4e-12;
@@ -33,7 +34,8 @@ void IntervalScan::leave_open(double theta, double width, int flight, Verdict re
     openings.push_back({theta, width, flight, reason});
 }
 
-void IntervalScan::push_between(const StartMap& map, double low, double high, int i_low, int i_high, const Interval& from) {
+void IntervalScan::push_between(const StartMap& map, double low, double high, int i_low, int i_high,
+                                const Interval& from) {
     stack_.push_back({map, map.unplace(low), map.unplace(high), i_low, i_high, from.k, from.depth + 1, Verdict::JUMP});
 }
 
@@ -77,7 +79,8 @@ void IntervalScan::split_or_close(Interval interval, int passes) {
         ++used_;
     }
     Work work{interval,
-              {{&records_[i_a], at_a.rate}, {&records_[i_m], map.place(x_m).rate}, {&records_[i_b], at_b.rate}, 0.5 * (b - a), grain},
+              {{&records_[i_a], at_a.rate}, {&records_[i_m], map.place(x_m).rate}, {&records_[i_b], at_b.rate},
+                  0.5 * (b - a), grain},
               theta_a, theta_m, theta_b, grain, i_m, map.root_low && a <= 1e-3, map.root_high && b >= 1.0 - 1e-3};
     const Verdict verdict = close(work, passes);
     if (verdict == Verdict::CLOSED) {  // the next call closes it for the flights that are left
@@ -112,7 +115,8 @@ Verdict IntervalScan::close(Work& work, int passes) {
     return Verdict::CLOSED;
 }
 
-/// Find the orbits that the crossings of a closed flight hold. False: Newton's method fails in a wide interval, which is split.
+/// Find the orbits that the crossings of a closed flight hold. False: Newton's method fails in a wide interval, which
+/// is split.
 bool IntervalScan::find_orbits(const Work& work, const Crossings& found, Verdict& verdict) {
     const int k = work.interval.k;
     const double beyond_a = work.root_a ? SLIVER : 8.0 * work.grain, beyond_b = work.root_b ? SLIVER : 8.0 * work.grain;
@@ -120,7 +124,8 @@ bool IntervalScan::find_orbits(const Work& work, const Crossings& found, Verdict
         for (int c = 0; c < found.count[kind]; ++c) {
             const double time = found.time[kind][c];
             Followed& scratch = records_[work.i_m + 1];
-            const Zero zero = refine_zero(search_, kind, k, work.theta_m, time, {work.theta_a, work.theta_b, beyond_a, beyond_b},
+            const Zero zero = refine_zero(search_, kind, k, work.theta_m, time,
+                                          {work.theta_a, work.theta_b, beyond_a, beyond_b},
                                           records_[work.i_m], scratch);
             counts.starts += zero.followed;
             used_ += zero.followed;
@@ -133,13 +138,15 @@ bool IntervalScan::find_orbits(const Work& work, const Crossings& found, Verdict
                 if (zero.theta < work.theta_a || zero.theta > work.theta_b) continue;
                 if (zero.time < -1e-9 || zero.time > scratch.flights[k].duration.value + 1e-9) continue;
             }
-            crossings.push_back({kind, k, zero.converged ? zero.theta : work.theta_m, zero.converged ? zero.time : time, zero.residual,
+            crossings.push_back({kind, k, zero.converged ? zero.theta : work.theta_m,
+                                 zero.converged ? zero.time : time, zero.residual,
                                  zero.converged, work.theta_a, work.theta_b});
         }
     return verdict == Verdict::CLOSED;
 }
 
-/// Add the image of an interval after the impact that ends a flight, if all three starts have it and are followed beyond it.
+/// Add the image of an interval after the impact that ends a flight, if all three starts have it and are followed
+/// beyond it.
 void IntervalScan::add_arc(const Work& work) {
     const auto& [interval, starts, theta_a, theta_m, theta_b, grain, i_m, root_a, root_b] = work;
     const int k = interval.k, contact = starts.m.followed->flights[k].contact;
@@ -177,8 +184,9 @@ void IntervalScan::add_arc(const Work& work) {
     arcs.push_back(arc);
 }
 
-/// On one side the flight ends with a slow impact, which would reach speed^2/(2 w'') beyond the stop. On the other side it passes the stop
-/// at some distance. Together these are a smooth function of the start. Its secants shrink the bracket.
+/// On one side the flight ends with a slow impact, which would reach speed^2/(2 w'') beyond the stop. On the other side
+/// it passes the stop at some distance. Together these are a smooth function of the start. Its secants shrink the
+/// bracket.
 IntervalScan::Grazing IntervalScan::grazing_between(const Work& work) {
     const auto& [interval, starts, theta_a, theta_m, theta_b, grain, first, root_a, root_b] = work;
     const PlanarSystem& system = *search_.starts.system;
@@ -192,7 +200,8 @@ IntervalScan::Grazing IntervalScan::grazing_between(const Work& work) {
         const int late = later(), early = late == one ? two : one;
         find_clearance(system, flight(late), search_.longest);
         const double bend = std::fabs(flight(early).acceleration), speed = flight(early).speed.value;
-        const double below = bend > 0.0 ? speed * speed / (2.0 * bend) : INFINITE, above = std::fabs(flight(late).clearance.value);
+        const double below = bend > 0.0 ? speed * speed / (2.0 * bend) : INFINITE;
+        const double above = std::fabs(flight(late).clearance.value);
         double probe = 0.5 * (theta_1 + theta_2);
         if (step % 3 != 2 && below + above < INFINITE) {
             double part = below / (below + above);

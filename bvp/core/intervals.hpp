@@ -1,8 +1,9 @@
 /// An adaptive scan of a curve of starts. An interval is split until the scan knows every orbit that it can contain.
 ///
-/// An interval that cannot be closed (`verdict.hpp`) is split. Its halves start with the flight that was open. If the impact sequence
-/// changes inside, the grazing is located to rounding and becomes an end of both sides. On the side with the slow impact, everything depends
-/// on the square root of the distance to the grazing, so this root is the parameter there.
+/// An interval that cannot be closed (`verdict.hpp`) is split. Its halves start with the flight that was open. If the
+/// impact sequence changes inside, the grazing is located to rounding and becomes an end of both sides. On the side
+/// with the slow impact, everything depends on the square root of the distance to the grazing, so this root is the
+/// parameter there.
 #pragma once
 
 #include "verdict.hpp"
@@ -18,7 +19,8 @@ struct EndCrossing {
     double low, high;
 };
 
-/// An interval of starts that stays open at a flight. The reason GRAZED means that it is as narrow as rounding about a grazing.
+/// An interval of starts that stays open at a flight. The reason GRAZED means that it is as narrow as rounding about a
+/// grazing.
 struct Opening {
     double theta, width;
     int flight;
@@ -31,12 +33,13 @@ struct IntervalCounts {
 
 class IntervalScan {
 public:
-    static constexpr int DEPTH = 100;  // halvings of one interval, most of them in the square root of the distance to a grazing
+    // halvings of one interval, most of them in the square root of the distance to a grazing
+    static constexpr int DEPTH = 100;
 
     explicit IntervalScan(StartSearch search) : search_(std::move(search)), records_(3 * DEPTH + 3) {}
 
-    /// Begin with the starts between two parameters, for about as many starts as `budget` says. map: of x to the parameter; where the
-    /// curve of starts itself ends at a stop, its end is one of the map's.
+    /// Begin with the starts between two parameters, for about as many starts as `budget` says. map: of x to the
+    /// parameter; where the curve of starts itself ends at a stop, its end is one of the map's.
     void begin(double low, double high, const StartMap& map, int budget);
     /// Scan on until about as many flights are followed as `passes` says. Returns whether it is done.
     bool go(int passes);
@@ -65,7 +68,8 @@ private:
         int i_m;
         bool root_a, root_b;  // everything depends on the square root of the distance to that end
     };
-    /// The grazing between two starts: on each side the start nearest to it with a distance above rounding, and the bracket.
+    /// The grazing between two starts: on each side the start nearest to it with a distance above rounding, and the
+    /// bracket.
     struct Grazing {
         int one, two;
         double theta_1, theta_2, edge_1, edge_2;

@@ -7,7 +7,7 @@
 ///     rate(z, out)                  z'
 ///     carry(map, x, out)            out = map x, with what is known of the map's pattern
 ///     path(z, horizon)              an object for evaluations along one flight: see `LinearPath`
-///     energy(z), energy_slope(z, out), bend(z, factor, ..)   the conserved energy H, its gradient, its second derivative
+///     energy(z), energy_slope(z, out), bend(z, factor, add)   the conserved energy H, its gradient, its second derivative
 ///     is_series()                   whether flights are series with an error, and can have cuts (equation (45))
 #pragma once
 
@@ -168,6 +168,11 @@ public:
     template <class Z, class Out>
     void energy_slope(const Z& z, Out&& out) const {
         for (int r = 0; r < size(); ++r) out[r] = weights_[r] * z[r];
+    }
+    /// Call add(r, c, entry) for each entry of the second derivative of H at z, times a factor.
+    template <class Z, class Add>
+    void bend(const Z&, double factor, Add&& add) const {
+        for (int r = 0; r < size(); ++r) add(r, r, factor * weights_[r]);
     }
 
 private:

@@ -18,10 +18,11 @@ constexpr double MODEL = 3.0;
 constexpr double FOLLOWED_ROUNDING = 1e-13;
 /// Newton's method has converged if its step is smaller, in u: the next one would be as small as its square.
 constexpr double SETTLED = 1e-6;
-/// A start beyond an end of its arc by less than this, in u, is not followed: a grazing may be between them. Its point is taken from the end
-/// and the derivative there, and is wrong by the square of this.
+/// A start beyond an end of its arc by less than this, in u, is not followed: a grazing may be between them. Its point
+/// is taken from the end and the derivative there, and is wrong by the square of this.
 constexpr double CLOSE = 1e-7;
-/// Largest difference at a meeting of the coordinate that Newton's method leaves out. A larger one has the other sign on the other arc.
+/// Largest difference at a meeting of the coordinate that Newton's method leaves out. A larger one has the other sign
+/// on the other arc.
 constexpr double COORDINATE = 1e-6;
 
 /// How far a place on an arc is beyond the place whose start is followed instead.
@@ -38,7 +39,8 @@ public:
         double box[3][2];
     };
 
-    Grid(const std::vector<Arc>& arcs, const std::vector<int>& order, bool is_mirrored) : first_(CELLS * CELLS + 1), spans_(arcs.size()) {
+    Grid(const std::vector<Arc>& arcs, const std::vector<int>& order, bool is_mirrored)
+        : first_(CELLS * CELLS + 1), spans_(arcs.size()) {
         double low = INFINITE, high = -INFINITE, reach = 0.0;
         for (const Arc& arc : arcs) {
             low = std::min(low, arc.box[0][0]), high = std::max(high, arc.box[0][1]);
@@ -47,7 +49,8 @@ public:
         const double wider = (1.0 + 1e-9) / CELLS, size_s = (high - low) * wider, size_v = 2.0 * reach * wider;
         for (size_t i = 0; i < arcs.size(); ++i) {
             const Item item = item_of(arcs, int(i), is_mirrored);
-            spans_[i] = {int((item.box[0][0] - low) / size_s), int((item.box[0][1] - low) / size_s), int((item.box[1][0] + reach) / size_v),
+            spans_[i] = {int((item.box[0][0] - low) / size_s), int((item.box[0][1] - low) / size_s),
+                int((item.box[1][0] + reach) / size_v),
                          int((item.box[1][1] + reach) / size_v)};
             for_cells(int(i), [&](int cell) { ++first_[cell + 1]; });
         }
@@ -60,7 +63,9 @@ public:
         }
     }
 
-    std::span<const Item> in(int cell) const { return {items_.data() + first_[cell], size_t(first_[cell + 1] - first_[cell])}; }
+    std::span<const Item> in(int cell) const {
+        return {items_.data() + first_[cell], size_t(first_[cell + 1] - first_[cell])};
+    }
     /// First cells of an arc along s and v.
     int first_s(int arc) const { return spans_[arc][0]; }
     int first_v(int arc) const { return spans_[arc][2]; }
@@ -100,7 +105,8 @@ MeetingSearch::FollowedPoint MeetingSearch::follow_arc(const Arc& arc, double u,
         out.point = arc_point(*starts.system, record.flights[count - 1].contact, fold_, record.after, out.theta.rate);
     }
     out.arrives = true;
-    for (int c = 0; c < 3; ++c) out.arrives = out.arrives && arc.box[c][0] <= out.point.value[c] && out.point.value[c] <= arc.box[c][1];
+    for (int c = 0; c < 3; ++c)
+        out.arrives = out.arrives && arc.box[c][0] <= out.point.value[c] && out.point.value[c] <= arc.box[c][1];
     return out;
 }
 
@@ -111,7 +117,10 @@ bool MeetingSearch::halve(Arc arc, Arc& one, Arc& two) {
     one.before = std::min(2.0 * arc.before, 0.5), one.after = Arc::NEAREST;
     two.before = Arc::NEAREST, two.after = std::min(2.0 * arc.after, 0.5);
     double change = 0.0, error = 0.0;
-    for (int c = 0; c < 3; ++c) change += std::fabs(arc.points[2].rate[c] - arc.points[0].rate[c]), error += arc.error[c];
+    for (int c = 0; c < 3; ++c) {
+        change += std::fabs(arc.points[2].rate[c] - arc.points[0].rate[c]);
+        error += arc.error[c];
+    }
     // If their error is small beside the turn of the arc, its points give those of its halves.
     const bool modelled = change > MODEL * error;
     const auto point = [&](double u, ArcPoint& out) {
@@ -143,7 +152,8 @@ bool MeetingSearch::halve(Arc arc, Arc& one, Arc& two) {
     return true;
 }
 
-MeetingSearch::Outcome MeetingSearch::meet_once(const Pair& pair, const Chart& chart, const Hull& hull_a, const Hull& hull_b, double sign) {
+MeetingSearch::Outcome MeetingSearch::meet_once(const Pair& pair, const Chart& chart, const Hull& hull_a,
+                                                const Hull& hull_b, double sign) {
     const Arc &a = pair.a, &b = pair.b;
     const double low_u = -1.0 - a.before, high_u = 1.0 + a.after, low_w = -1.0 - b.before, high_w = 1.0 + b.after;
     double u = 0.0, w = 0.0;
@@ -172,8 +182,10 @@ MeetingSearch::Outcome MeetingSearch::meet_once(const Pair& pair, const Chart& c
                 const int c = chart[i];
                 along_a[i] = p.rate[c], along_b[i] = mirrored(c) * q.rate[c];
                 f[i] = p.value[c] - mirrored(c) * q.value[c] + beyond_u * along_a[i] - beyond_w * along_b[i];
-                // Rounding of the difference of a coordinate at two points that are followed, with that of their starts.
-                noise[i] = follows ? FOLLOWED_ROUNDING * (1.0 + std::fabs(p.value[c])) + a.grain * std::fabs(p.rate[c]) +
+                // Rounding of the difference of a coordinate at two points that are followed, with that of their
+                // starts.
+                noise[i] = follows ? FOLLOWED_ROUNDING * (1.0 + std::fabs(p.value[c])) +
+                    a.grain * std::fabs(p.rate[c]) +
                                          b.grain * std::fabs(q.rate[c])
                                    : a.miss[c] + b.miss[c];
             }
@@ -190,7 +202,8 @@ MeetingSearch::Outcome MeetingSearch::meet_once(const Pair& pair, const Chart& c
                 break;
             }
             const auto limited_step = [&](double at, const double along[2], double low, double high) {
-                return std::min(std::max(at - cross_product(f[0], f[1], along[0], along[1]) / determinant, low), high) - at;
+                return std::min(std::max(at - cross_product(f[0], f[1], along[0], along[1]) / determinant, low),
+                                high) - at;
             };
             const double du = limited_step(u, along_b, low_u, high_u), dw = limited_step(w, along_a, low_w, high_w);
             if (std::fabs(du) < std::max(SETTLED, a.grain) && std::fabs(dw) < std::max(SETTLED, b.grain)) {
@@ -225,8 +238,8 @@ void MeetingSearch::collect(const Pair& pair, const Varied theta[2], const doubl
     meetings.push_back(std::move(out));
 }
 
-/// Whether the numbers of impacts, the stops and the times of two arcs are those of a segment within bounds, and the impact is the last one
-/// before the middle of its time, seen from A.
+/// Whether the numbers of impacts, the stops and the times of two arcs are those of a segment within bounds, and the
+/// impact is the last one before the middle of its time, seen from A.
 bool MeetingSearch::may_meet(const Arc& a, const Arc& b) const {
     if (b.impacts == 0 || a.impacts + b.impacts - 1 > impacts_(a.curve, b.curve) || a.side != b.side) return false;
     if (a.arrived[0] > b.arrived[1] || a.arrived[1] + b.arrived[1] < 2.0 * b.left[0]) return false;
@@ -269,9 +282,11 @@ void MeetingSearch::run(const std::vector<Arc>& arcs) {
     for (int cell = 0; cell < CELLS * CELLS; ++cell)
         for (const Grid::Item& one : plain.in(cell))
             for (const Grid::Item& two : turned.in(cell)) {
-                // Arcs crowd where they graze: there n excludes most pairs, and with one of them all that follow in its order.
+                // Arcs crowd where they graze: there n excludes most pairs, and with one of them all that follow in its
+                // order.
                 if (two.box[2][0] > one.box[2][1]) break;
-                if (one.box[2][0] > two.box[2][1] || one.box[0][0] > two.box[0][1] || one.box[0][1] < two.box[0][0]) continue;
+                if (one.box[2][0] > two.box[2][1] || one.box[0][0] > two.box[0][1]) continue;
+                if (one.box[0][1] < two.box[0][0]) continue;
                 if (one.box[1][0] > two.box[1][1] || one.box[1][1] < two.box[1][0]) continue;
                 // Of the cells that both are in, the first has the pair.
                 const int s = std::max(plain.first_s(one.arc), turned.first_s(two.arc));

@@ -1,18 +1,20 @@
 /// Meetings of arcs with mirror images of arcs, which are segments between two ends.
 ///
-/// If the arc A of one curve of starts meets the mirror image of the arc B of another one, a motion leads from a start of the first curve to
-/// one of the second one. It is an orbit between both ends. With odd symmetry both are seen at the same stop.
+/// If the arc A of one curve of starts meets the mirror image of the arc B of another one, a motion leads from a start
+/// of the first curve to one of the second one. It is an orbit between both ends. With odd symmetry both are seen at
+/// the same stop.
 ///
-/// A pair of arcs is decided if their boxes or their Bezier points are apart, or if no direction of the one is a direction of the other: then
-/// they meet once at most, and Newton's method finds the meeting or leaves the pair. Else the arc whose direction changes more is halved.
+/// A pair of arcs is decided if their boxes or their Bezier points are apart, or if no direction of the one is a
+/// direction of the other: then they meet once at most, and Newton's method finds the meeting or leaves the pair. Else
+/// the arc whose direction changes more is halved.
 #pragma once
 
 #include "arcs.hpp"
 
 namespace saltus {
 
-/// A motion from a start to a meeting: for each impact the flight time before it and its contact, as far as they are not gone before the
-/// starts of the curve.
+/// A motion from a start to a meeting: for each impact the flight time before it and its contact, as far as they are
+/// not gone before the starts of the curve.
 struct MeetingHalf {
     int curve = 0, impacts = 0;
     double theta = 0.0;
@@ -29,11 +31,13 @@ struct MeetingCounts {
 
 class MeetingSearch {
 public:
-    /// curves (C): with `gone` impacts before their starts. times (C, C): longest time of a segment. impacts (C, C): most inner impacts;
-    /// negative where no segment is looked for. fold: whether a mirror image stands for the states at the lower stop. room: for meetings; a
-    /// pair is undecided, too, if there is none left.
-    MeetingSearch(std::vector<Starts> curves, std::vector<int> gone, Array<> times, Array<int> impacts, bool fold, int room)
-        : curves_(std::move(curves)), gone_(std::move(gone)), times_(std::move(times)), impacts_(std::move(impacts)), fold_(fold),
+    /// curves (C): with `gone` impacts before their starts. times (C, C): longest time of a segment. impacts (C, C):
+    /// most inner impacts; negative where no segment is looked for. fold: whether a mirror image stands for the states
+    /// at the lower stop. room: for meetings; a pair is undecided, too, if there is none left.
+    MeetingSearch(std::vector<Starts> curves, std::vector<int> gone, Array<> times, Array<int> impacts, bool fold,
+                  int room)
+        : curves_(std::move(curves)), gone_(std::move(gone)), times_(std::move(times)), impacts_(std::move(impacts)),
+            fold_(fold),
           room_(room) {}
 
     /// Find all meetings of arcs with mirror images of arcs.

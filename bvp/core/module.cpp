@@ -1,4 +1,4 @@
-/// The Python module `saltus_core`.
+/// The Python module `saltus_core`: its functions are bound by topic.
 #include "bindings.hpp"
 
 namespace nb = nanobind;
@@ -32,9 +32,13 @@ constexpr const char* compiler =
 NB_MODULE(saltus_core, m) {
     m.doc() = "The compiled core. It holds arithmetic only.";
     m.attr("compiler") = compiler;
+    nb::set_leak_warnings(false);  // what a cache keeps until the interpreter ends is no leak
     bind_numbers(m);
     saltus::bind_flight(m);
+    saltus::bind_elimination(m);
+    saltus::bind_orbit(m);
+    saltus::bind_family(m);
     saltus::bind_events(m);
-    saltus::bind_search(m);
     saltus::bind_multipliers(m);
+    saltus::bind_search(m);
 }

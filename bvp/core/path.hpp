@@ -39,7 +39,8 @@ struct Parting {
     int order;    // of the first derivative of its distance that is not 0 to rounding; 0: the distance stays 0
 };
 
-/// 2 d/(-d' + sqrt(d'^2 + 2 W d)), the positive zero in equation (3), in the form that does not cancel; infinite where d never returns to 0.
+/// 2 d/(-d' + sqrt(d'^2 + 2 W d)), the positive zero in equation (3), in the form that does not cancel; infinite where
+/// d never returns to 0.
 inline double free_step(double d, double slope, double second_bound) {
     if (slope < 0.0) return 2.0 * d / (-slope + std::sqrt(slope * slope + 2.0 * second_bound * d));
     if (second_bound <= 0.0) return INFINITE;
@@ -50,8 +51,8 @@ inline constexpr int NEAR_TERMS = 14;
 /// |B| t up to which the series from the start of a flight is used: its terms truncate below 1e-19.
 inline constexpr double NEAR_REACH = 0.25;
 
-/// A functional along a linear flight. Where no block damps or grows it is a sum over the pairs of alpha C(t) + beta S(t): one sine and
-/// cosine of each pair give f, f' and f''.
+/// A functional along a linear flight. Where no block damps or grows it is a sum over the pairs of alpha C(t) + beta
+/// S(t): one sine and cosine of each pair give f, f' and f''.
 template <int N>
 class LinearTrack {
 public:
@@ -67,11 +68,13 @@ public:
         for (const Block& block : flight.blocks()) {
             const int i = block.first, j = block.second;
             const double alpha = rows.value[i] * z[i] + rows.value[j] * z[j];
-            const double beta = rows.value[i] * (b(i, i) * z[i] + b(i, j) * z[j]) + rows.value[j] * (b(j, i) * z[i] + b(j, j) * z[j]);
+            const double beta = rows.value[i] * (b(i, i) * z[i] + b(i, j) * z[j]) +
+                rows.value[j] * (b(j, i) * z[i] + b(j, j) * z[j]);
             parts_[k++] = alpha, parts_[k++] = beta;
             const double square = -block.delta, frequency = std::sqrt(square);
             const double slope = std::sqrt(square * alpha * alpha + beta * beta);
-            const double level = std::min(frequency > 0.0 ? slope / frequency : INFINITE, std::fabs(alpha) + std::fabs(beta) * duration);
+            const double level = std::min(frequency > 0.0 ? slope / frequency : INFINITE,
+                                          std::fabs(alpha) + std::fabs(beta) * duration);
             bounds_.add(level, frequency * slope, square * slope);
         }
         bounds_.second *= 1.0 + 1e-12, bounds_.third *= 1.0 + 1e-12;
@@ -92,9 +95,9 @@ public:
         }
         int k = 0;
         for (const Block& block : flight_.blocks()) {
-            double c, s;
+            double c = 1.0, s = 0.0;
             const double alpha = parts_[k++], beta = parts_[k++];
-            circular(block.delta, t, c, s);
+            if (t != 0.0) circular(block.delta, t, c, s);  // every search begins at 0
             const double here = alpha * c + beta * s;
             out.value += here;
             out.slope += beta * c + block.delta * alpha * s;
@@ -167,8 +170,8 @@ public:
             const double fourth = flight_.bounds(row, z_, window).second;
             return {fourth > 0.0 ? std::min(lead / fourth, window) : window, order};
         }
-        // While a derivative is positive, those below it, and the distance, rise from 0. It is followed towards its zero; then the
-        // derivative below it is, down to the rate.
+        // While a derivative is positive, those below it, and the distance, rise from 0. It is followed towards its
+        // zero; then the derivative below it is, down to the rate.
         constexpr int RUNGS = 8;
         double time = 0.0, step = horizon;
         for (int level = order; level > 0; --level) {
@@ -191,8 +194,8 @@ private:
         copy(Values(other), state);
     }
 
-    /// A time, up to `longest`, in which the derivative of order `level` of a contact's distance stays positive; 0 where it is not above
-    /// rounding.
+    /// A time, up to `longest`, in which the derivative of order `level` of a contact's distance stays positive; 0
+    /// where it is not above rounding.
     double positive_step(const Contacts& contacts, int c, int level, Values z, double longest) const {
         const Values row = level > 1 ? contacts.acceleration[c] : contacts.rate[c];
         State begin(size()), state(size()), other(size());

@@ -5,8 +5,6 @@
 /// step is divided until f' keeps its sign, or f'' does and Newton's method finds the one turning point.
 #pragma once
 
-#include <algorithm>
-
 #include "path.hpp"
 
 namespace saltus {
@@ -41,8 +39,8 @@ public:
 
     /// A bound of |f| over the cubic of a step of h, without its error.
     static double hull(double f0, double g0, double f1, double g1, double h) {
-        const double inner = std::max(std::fabs(f0 + h * g0 * (1.0 / 3.0)), std::fabs(f1 - h * g1 * (1.0 / 3.0)));
-        return std::max(inner, std::max(std::fabs(f0), std::fabs(f1)));
+        const double inner = std::fmax(std::fabs(f0 + h * g0 * (1.0 / 3.0)), std::fabs(f1 - h * g1 * (1.0 / 3.0)));
+        return std::fmax(inner, std::fmax(std::fabs(f0), std::fabs(f1)));
     }
 
     /// Raise the peak to the largest |f| from a time on, over a length in which the bounds of |f'''| and |f''''| hold. False: it gave up.
@@ -52,9 +50,9 @@ public:
         peaks_.raise(i_, left.value, begin);
         double t = 0.0, size = length;
         for (int count = 0; count < MOST; ++count) {
-            size = std::min(size, length - t);
+            size = std::fmin(size, length - t);
             const Sample right = at(begin + t + size);
-            const double ends = std::max(std::fabs(left.value), std::fabs(right.value)), square = size * size / 8.0;
+            const double ends = std::fmax(std::fabs(left.value), std::fabs(right.value)), square = size * size / 8.0;
             const double most = hull(left.value, left.slope, right.value, right.slope, size) + fourth * square * square / 6.0;
             if (most > peaks_.size[i_]) {
                 const bool convex = keeps_sign(left.bend, right.bend, fourth * square);
@@ -75,7 +73,7 @@ public:
     }
 
 private:
-    static bool keeps_sign(double a, double b, double change) { return a * b > 0.0 && std::min(std::fabs(a), std::fabs(b)) > change; }
+    static bool keeps_sign(double a, double b, double change) { return a * b > 0.0 && std::fmin(std::fabs(a), std::fabs(b)) > change; }
 
     Sample at(double t) {
         path_.state(t, state_);
@@ -117,7 +115,7 @@ public:
         const double h = table_.length(0);
         copy(path_.begin(), state_);
         for (int i = 0; i < rows_.count(); ++i) {
-            const double reached = std::max(peaks_.size[i], std::fabs(dot(rows_.value[i], end)));
+            const double reached = std::fmax(peaks_.size[i], std::fabs(dot(rows_.value[i], end)));
             watched_[count_++] = {i, reached, dot(rows_.value[i], Values(state_)), dot(rows_.velocity[i], Values(state_)), 0.0, 0.0};
         }
         double t = 0.0;
@@ -146,7 +144,7 @@ private:
         for (int w = 0; w < count_; ++w) {
             Watched watched = watched_[w];
             const StepTable::Amplitudes found = table_.amplitudes(rows_.value[watched.i], Values(state_), left);
-            if (found.level <= std::max(watched.reached, peaks_.size[watched.i])) continue;
+            if (found.level <= std::fmax(watched.reached, peaks_.size[watched.i])) continue;
             watched.third = found.third, watched.fourth = found.fourth;
             watched_[kept++] = watched;
         }
@@ -157,8 +155,8 @@ private:
         const double f = dot(rows_.value[watched.i], Values(next_)), g = dot(rows_.velocity[watched.i], Values(next_));
         const double most = PeakSearch<Path>::hull(watched.f, watched.g, f, g, h) + watched.fourth * (h * h * h * h * (1.0 / 384.0));
         watched.f = f, watched.g = g;
-        if (most <= std::max(watched.reached, peaks_.size[watched.i])) return true;
-        return PeakSearch<Path>(path_, rows_, watched.i, peaks_).climb(t, std::min(h, left), watched.third, watched.fourth);
+        if (most <= std::fmax(watched.reached, peaks_.size[watched.i])) return true;
+        return PeakSearch<Path>(path_, rows_, watched.i, peaks_).climb(t, std::fmin(h, left), watched.third, watched.fourth);
     }
 
     const Path& path_;
@@ -179,13 +177,13 @@ bool raise_peaks(const Path& path, const Displacements& rows, double duration, V
         if (!PeakWalk<Path>(path, *table, rows, peaks).run(duration, end)) return false;
     } else {
         Local<double, Path::SIZE> state(path.size());
-        const double longest = 1.0 / std::max(path.growth(), path.fastest() / RENEWED);
+        const double longest = 1.0 / std::fmax(path.growth(), path.fastest() / RENEWED);
         for (int i = 0; i < rows.count(); ++i) {
             const double at_end = std::fabs(dot(rows.value[i], end));
             for (double t = 0.0, window = 0.0; t < duration && (window > 0.0 || t == 0.0); t += window) {
                 path.state(t, state);
-                window = path.window(t, std::min(duration - t, longest));
-                const double reached = std::max(peaks.size[i], at_end);
+                window = path.window(t, std::fmin(duration - t, longest));
+                const double reached = std::fmax(peaks.size[i], at_end);
                 if (path.bounds(rows.value[i], t, state, duration - t).level <= reached) break;
                 if (path.bounds(rows.value[i], t, state, window).level <= reached) continue;
                 const Bounds bounds = path.bounds(rows.velocity[i], t, state, window);

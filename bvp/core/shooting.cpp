@@ -23,14 +23,16 @@ LinearFlight<4> undamped_flight(const std::array<double, 2>& squares) {
 }  // namespace
 
 PlanarSystem::PlanarSystem(std::array<double, 2> squares, Contacts contacts, double lower, double upper)
-    : squares_(squares), contacts_(std::move(contacts)), flight_(undamped_flight(squares)), lower_(lower), upper_(upper) {
+    : squares_(squares), contacts_(std::move(contacts)), flight_(undamped_flight(squares)), lower_(lower),
+        upper_(upper) {
     if (flight_.steps().is_usable()) stops_ = std::make_unique<StepStops>(flight_.steps(), contacts_);
     for (int k = 0; k < 2; ++k) frequencies_[k] = squares[k] > 0.0 ? std::sqrt(squares[k]) : 0.0;
     const double a = contacts_.gap(0, 0), b = contacts_.gap(0, 1), size = hypot(a, b);
     across_ = {-b / size, a / size};
     rows_[0] = {a, b, 0.0, 0.0};
     for (int order = 1; order < 4; ++order)
-        for (int r = 0; r < 2; ++r) rows_[order][r] = -squares[r] * rows_[order - 1][r + 2], rows_[order][r + 2] = rows_[order - 1][r];
+        for (int r = 0; r < 2; ++r)
+            rows_[order][r] = -squares[r] * rows_[order - 1][r + 2], rows_[order][r + 2] = rows_[order - 1][r];
 }
 
 Moving PlanarSystem::fly(const Moving& begin, double t) const {
@@ -103,7 +105,8 @@ void follow(const Starts& starts, double theta, double longest, double latest, i
         flight.contact = AHEAD;
         if (time.value > latest + slack) return;
         State4 begin = now.z;  // a touch moves it
-        const NextImpact found = next_hit(system.flight(), contacts, system.stops(), leaving, begin, longest - time.value + 2.0 * slack);
+        const NextImpact found = next_hit(system.flight(), contacts, system.stops(), leaving, begin,
+                                          longest - time.value + 2.0 * slack);
         flight.duration.value = INFINITE;
         flight.contact = found.found == Found::NONE ? FREE : STUCK;
         if (found.found != Found::HIT) return;
@@ -146,7 +149,8 @@ void StartScan::follow(const PlanarSystem& system, Values start, const Found& ou
             const Functional rows{system.gap(order), system.gap(order + 1), system.gap(order + 2)};
             const int count = crossing_times(path_of(system.flight(), before.z), rows, found.time, zeros);
             if (count < 0) return;
-            for (int c = 0; c < std::min(count, room); ++c) record(k, c, elapsed + zeros[c], system.fly(before, zeros[c]).z);
+            for (int c = 0; c < std::min(count, room); ++c)
+                record(k, c, elapsed + zeros[c], system.fly(before, zeros[c]).z);
         }
         elapsed += found.time;
         if (found.found == saltus::Found::NONE) return;
@@ -191,7 +195,8 @@ void find_clearance(const PlanarSystem& system, FlightRecord& flight, double lon
     }
     flight.clearance = {best, 0.0};
     flight.second = second;
-    if (flight.turning_points > 0) flight.clearance.rate = -side * dot(system.gap(0), system.fly(flight.begin, flight.turn).dz);
+    if (flight.turning_points > 0)
+        flight.clearance.rate = -side * dot(system.gap(0), system.fly(flight.begin, flight.turn).dz);
 }
 
 }  // namespace saltus

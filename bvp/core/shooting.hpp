@@ -1,9 +1,10 @@
 /// Motions of many starts through their impacts, for two degrees of freedom without damping and one stop.
 ///
-/// One start is followed with the derivative of everything by the start's parameter. The states z_k after the impacts and their derivatives
-/// along the curve of starts are taken on the section of the impact: with the flight's variation y' = Phi(d) z', the duration changes by
-/// d' = -(g . y')/(g B . y), the arrival by y' + B y d', and restitution acts on both alike, equation (19). Between z_k and the next impact
-/// the motion of neighbouring starts is compared at equal times since impact k, where it is linear.
+/// One start is followed with the derivative of everything by the start's parameter. The states z_k after the impacts
+/// and their derivatives along the curve of starts are taken on the section of the impact: with the flight's variation
+/// y' = Phi(d) z', the duration changes by d' = -(g . y')/(g B . y), the arrival by y' + B y d', and restitution acts
+/// on both alike, equation (19). Between z_k and the next impact the motion of neighbouring starts is compared at equal
+/// times since impact k, where it is linear.
 #pragma once
 
 #include <array>
@@ -46,7 +47,8 @@ public:
     Values gap(int order) const { return rows_[order]; }
 
     Moving fly(const Moving& begin, double t) const;
-    /// Bound of |q| (order 0), |q'| (1) or |q''| (2) of a mode over a flight from a state of at most `horizon`, equation (24).
+    /// Bound of |q| (order 0), |q'| (1) or |q''| (2) of a mode over a flight from a state of at most `horizon`,
+    /// equation (24).
     double amplitude(int mode, const State4& z, double horizon, int order) const;
 
 private:
@@ -73,8 +75,8 @@ struct Starts {
 /// The far ends that a scan can look for, and in the middle of a segment: the states after impacts (`arcs.hpp`).
 enum FarEnd { ORIGIN, REST, STOP, MIDDLE };
 
-/// How a flight ends that has no impact: within the time searched; pressed against a stop, or the search gave up; it is not followed, because
-/// it begins later than any that is asked for.
+/// How a flight ends that has no impact: within the time searched; pressed against a stop, or the search gave up; it is
+/// not followed, because it begins later than any that is asked for.
 inline constexpr int FREE = -1, STUCK = -2, AHEAD = -3;
 
 /// One flight of a motion, from impact k to the next.
@@ -86,7 +88,8 @@ struct FlightRecord {
     Varied speed;          // of approach there
     Varied residual;       // velocity along the stop there
     double acceleration = 0.0;  // towards the stop there
-    Varied clearance{NOT_A_NUMBER, 0.0};  // least distance to a stop at a turning point inside the flight; not a number: not yet looked for
+    // least distance to a stop at a turning point inside the flight; not a number: not yet looked for
+    Varied clearance{NOT_A_NUMBER, 0.0};
     double second = 0.0;   // the second least
     double turn = 0.0;     // time of the least one
     int turning_points = 0;
@@ -99,19 +102,20 @@ struct Followed {
     Moving after;  // the last impact
 };
 
-/// Follow one start up to `most` impacts and a little past the time `longest`. A flight that begins more than a little past `latest` is not
-/// followed: it has the state at its start and the contact AHEAD.
+/// Follow one start up to `most` impacts and a little past the time `longest`. A flight that begins more than a little
+/// past `latest` is not followed: it has the state at its start and the contact AHEAD.
 void follow(const Starts& starts, double theta, double longest, double latest, int most, Followed& out);
 
-/// Follows starts and measures the residual of one far end on their way: what is transverse to the end's condition when the rest of it holds.
-/// Where the gap coordinate passes zero, that is the other displacement (ORIGIN); where its velocity passes zero, the other velocity (REST);
-/// at an impact the velocity along the stop (STOP).
+/// Follows starts and measures the residual of one far end on their way: what is transverse to the end's condition when
+/// the rest of it holds. Where the gap coordinate passes zero, that is the other displacement (ORIGIN); where its
+/// velocity passes zero, the other velocity (REST); at an impact the velocity along the stop (STOP).
 struct StartScan {
     FarEnd kind;
     std::vector<bool> wanted;  // (K + 1,) whether the crossings after so many inner impacts are looked for
     double longest;
 
-    /// What it finds of one start; not a number, or -1, where there is nothing. C: room for crossings of one flight, 1 for STOP.
+    /// What it finds of one start; not a number, or -1, where there is nothing. C: room for crossings of one flight, 1
+    /// for STOP.
     struct Found {
         Vector<int64_t> contacts;  // (K + 1,) hit
         Matrix<double> times;      // (K + 1, C) of the crossings after k inner impacts; for STOP of impact k + 1

@@ -1,12 +1,13 @@
-/// Steps of fixed length along a linear flight: exp(B h), exp(B h/2), .. are computed once, so a step costs a few products.
+/// Steps of fixed length along a linear flight: exp(B h), exp(B h/2), .. are computed once, so a step costs a few
+/// products.
 #pragma once
 
 #include "blocks.hpp"
 
 namespace saltus {
 
-/// The table of a flight whose blocks are single indices and pairs that neither grow nor are overdamped. It takes a state apart into x and
-/// y: the first and second entries of all blocks (y = 0 of a single index).
+/// The table of a flight whose blocks are single indices and pairs that neither grow nor are overdamped. It takes a
+/// state apart into x and y: the first and second entries of all blocks (y = 0 of a single index).
 class StepTable {
 public:
     static constexpr int LEVELS = 12;
@@ -41,6 +42,9 @@ public:
     /// out = exp(B t) z, up to rounding as `LinearFlight::end`, with what is known of the pairs.
     template <class Out>
     void flow(Values z, double t, Out&& out) const {
+        Local<double, DYNAMIC, 32> cosines(count_), sines(count_);
+        double *c = cosines.data(), *s = sines.data();
+        for (int k = 0; k < count_; ++k) sincos(frequencies_[k] * t, s[k], c[k]);
         for (int k = 0; k < count_; ++k) {
             const Block& b = blocks_[k];
             const Shape& shape = shapes_[k];
@@ -49,11 +53,9 @@ public:
                 out[b.first] = decay * x;
                 continue;
             }
-            const double y = z[b.second];
-            double c = 1.0, s = t;
-            if (!shape.rigid) sincos(shape.frequency * t, s, c);
-            out[b.first] = decay * (c * x + s * (shape.c11 * x + shape.c12 * y));
-            out[b.second] = decay * (c * y + s * (shape.c21 * x + shape.c22 * y));
+            const double y = z[b.second], slope = shape.rigid ? t : s[k];
+            out[b.first] = decay * (c[k] * x + slope * (shape.c11 * x + shape.c12 * y));
+            out[b.second] = decay * (c[k] * y + slope * (shape.c21 * x + shape.c22 * y));
         }
     }
 
@@ -94,7 +96,6 @@ public:
 private:
     struct Shape {
         double c11, c12, c21, c22;  // D/w of a pair that oscillates, D of a rigid one, else 0
-        double frequency;
         double square, rate;        // |eigenvalue|^2, |eigenvalue|
         double up, down;            // ratios of the two entries of a pair
         bool rigid;
@@ -104,6 +105,7 @@ private:
     double lengths_[LEVELS];
     std::vector<Block> blocks_;
     std::vector<Shape> shapes_;
+    std::vector<double> frequencies_;  // 0 of a single index and of a rigid pair
     std::vector<double> entries_;
 };
 

@@ -1,14 +1,15 @@
 /// Impacts found in steps of fixed length, equation (11).
 ///
-/// The cubic with the values and slopes of w at both ends of a step of h lies within its four Bezier coefficients. It differs from w by at
-/// most W h^4/384, where |w''''| <= W.
+/// The cubic with the values and slopes of w at both ends of a step of h lies within its four Bezier coefficients. It
+/// differs from w by at most W h^4/384, where |w''''| <= W.
 ///
 ///     If all coefficients are farther than this from the bounds, the step has no impact.
-///     If w passes a bound and |w'| > J h^2/8 at both ends, where |w'''| <= J, then w' keeps its sign and the step has exactly one impact.
+///     If w passes a bound and |w'| > J h^2/8 at both ends, where |w'''| <= J, then w' keeps its sign and the step has
+///     exactly one impact.
 ///     Otherwise the step is halved.
 ///
-/// Off the stop that the flight leaves, the distance over the time, a cubic, has to stay positive. What needs steps below h/2^11 is
-/// declined.
+/// Off the stop that the flight leaves, the distance over the time, a cubic, has to stay positive. What needs steps
+/// below h/2^11 is declined.
 #pragma once
 
 #include <algorithm>
@@ -18,14 +19,14 @@
 
 namespace saltus {
 
-/// The stops of a system as walks see them: the contacts of each row, without a copy of the rows where that is possible. It keeps a view of
-/// the contacts and of the table.
+/// The stops of a system as walks see them: the contacts of each row, without a copy of the rows where that is
+/// possible. It keeps a view of the contacts and of the table.
 class StepStops {
 public:
     static constexpr int MOST = 8, MOST_PAIRS = 32;
     /// The contacts of one row. A bound that does not exist is infinite.
     struct Stop {
-        const double *value, *rate;  // rows of w and w' over x and then y
+        const double *value, *rate, *acceleration;  // rows of w, w' and w'' over x and then y
         double lower = -INFINITE, upper = INFINITE;
         int low = -1, high = -1;  // the contacts there
         bool plain = true;        // w depends on x, and w' on y only
@@ -56,7 +57,7 @@ private:
 class StepWalk {
 public:
     enum Reason { NONE, HIT, DECLINED, UNFINISHED };
-    /// A step that holds exactly one impact, the time at which the cubic has it, and bounds of |w''| and |w'''|.
+    /// A step that holds exactly one impact, about the time of that, and bounds of |w''| and |w'''|.
     struct Hit {
         int contact;
         double begin, end, guess, curvature, jerk;
@@ -64,7 +65,8 @@ public:
 
     StepWalk(const StepStops& stops, double horizon)
         : stops_(stops.list()), table_(stops.table()), contacts_(stops.contacts()), horizon_(horizon) {}
-    /// Begin, or go on, at a state computed for the present time. False where a contact other than the one it leaves is near.
+    /// Begin, or go on, at a state computed for the present time. False where a contact other than the one it leaves is
+    /// near.
     bool start(Values z, int leaving);
     /// Step on to the horizon or an impact. UNFINISHED: after many steps, so that rounding errors do not accumulate.
     Reason go();

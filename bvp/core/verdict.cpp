@@ -27,7 +27,8 @@ std::array<double, 2> state_rates(const PlanarSystem& system, FarEnd kind, const
 class Approaches {
 public:
     Approaches(const PlanarSystem& system, FarEnd kind, const Tube& tube, double window, Crossings& found)
-        : system_(system), kind_(kind), tube_(tube), window_(window), times_(found.time[kind]), count_(found.count[kind]), at_(place_of(kind)) {}
+        : system_(system), kind_(kind), tube_(tube), window_(window), times_(found.time[kind]),
+            count_(found.count[kind]), at_(place_of(kind)) {}
 
     /// False: the interval must be split.
     bool run() {
@@ -114,14 +115,17 @@ struct Flights {
     }
     /// The derivatives of a number by x at the ends and in the middle.
     std::array<double, 3> rates(Varied FlightRecord::* member) const {
-        return {(a.*member).rate * interval.a.jacobian, (m.*member).rate * interval.m.jacobian, (b.*member).rate * interval.b.jacobian};
+        return {(a.*member).rate * interval.a.jacobian, (m.*member).rate * interval.m.jacobian,
+            (b.*member).rate * interval.b.jacobian};
     }
     std::array<double, 3> rates(int c) const {
-        return {a.begin.dz[c] * interval.a.jacobian, m.begin.dz[c] * interval.m.jacobian, b.begin.dz[c] * interval.b.jacobian};
+        return {a.begin.dz[c] * interval.a.jacobian, m.begin.dz[c] * interval.m.jacobian,
+            b.begin.dz[c] * interval.b.jacobian};
     }
     bool any(int contact) const { return a.contact == contact || m.contact == contact || b.contact == contact; }
     bool have_next() const {
-        return k + 1 < interval.a.followed->count && k + 1 < interval.m.followed->count && k + 1 < interval.b.followed->count;
+        const auto has = [&](const Sample3& sample) { return k + 1 < sample.followed->count; };
+        return has(interval.a) && has(interval.m) && has(interval.b);
     }
 };
 
@@ -176,7 +180,8 @@ bool arrives_evenly(const PlanarSystem& system, const Flights& flights) {
     for (int c = 0; c < 4; ++c) {
         const double square = c >= 2 ? 1.0 : std::fabs(system.squares()[c]), weight = std::sqrt(square);
         const auto [first, middle, second] = next.rates(c);
-        const double value = weight * (next.b.begin.z[c] - next.a.begin.z[c] - interval.r / 3.0 * (first + 4.0 * middle + second));
+        const double expected = interval.r / 3.0 * (first + 4.0 * middle + second);
+        const double value = weight * (next.b.begin.z[c] - next.a.begin.z[c] - expected);
         const double change = weight * deviation(first, middle, second);
         off += value * value;
         spread += change * change;
@@ -203,10 +208,12 @@ std::pair<int, double> crossing(const PlanarSystem& system, FarEnd kind, const T
     const Moving now = system.fly(tube.middle, t);
     const auto [v0, v1] = state_rates(system, kind, now.z);
     const auto [w0, w1] = state_rates(system, kind, now.dz);
-    const double speed = hypot(v0, v1), u0 = now.dz[at], u1 = now.dz[at + 1], half = std::max(visit.left - t, t - visit.entered);
+    const double speed = hypot(v0, v1), u0 = now.dz[at], u1 = now.dz[at + 1];
+    const double half = std::max(visit.left - t, t - visit.entered);
     const double s0 = system.squares()[0], s1 = system.squares()[1];
     // Equation (34): residual and derivative across the velocity, at the least distance.
-    const double residual = (v0 * now.z[at + 1] - v1 * now.z[at]) / speed, rate = (v0 * u1 - v1 * u0) / speed, size = hypot(u0, u1);
+    const double residual = (v0 * now.z[at + 1] - v1 * now.z[at]) / speed, rate = (v0 * u1 - v1 * u0) / speed;
+    const double size = hypot(u0, u1);
     const double bend = hypot(-s0 * now.z[at], -s1 * now.z[at + 1]) + (std::fabs(s0) + std::fabs(s1)) * speed * half;
     const double vary = tube.width + half * (hypot(w0, w1) + size * bend / speed);
     if (std::fabs(residual) > TUBE_MARGIN * tube.r * (size + tube.width)) return {0, t};
@@ -236,7 +243,8 @@ Zero refine_zero(const StartSearch& search, FarEnd kind, int k, double theta, do
         } else {  // in (theta, time) the two displacements, or velocities, vanish
             const Moving now = search.starts.system->fly(flight.begin, time);
             const auto [v0, v1] = state_rates(*search.starts.system, kind, now.z);
-            const double y0 = now.z[at], y1 = now.z[at + 1], u0 = now.dz[at], u1 = now.dz[at + 1], determinant = u0 * v1 - u1 * v0;
+            const double y0 = now.z[at], y1 = now.z[at + 1], u0 = now.dz[at], u1 = now.dz[at + 1];
+            const double determinant = u0 * v1 - u1 * v0;
             if (determinant == 0.0) return out;
             step = (-y0 * v1 + y1 * v0) / determinant;
             time += (-u0 * y1 + u1 * y0) / determinant;
@@ -245,9 +253,11 @@ Zero refine_zero(const StartSearch& search, FarEnd kind, int k, double theta, do
         out.theta = theta, out.time = time;
         const double size = std::fabs(step);
         if (!(size < INFINITE)) return out;
-        out.converged = size <= 4e-16 * (1.0 + std::fabs(theta)) || (count > 2 && size >= 0.5 * last && last < 1e-8 * span + 1e-13);
+        out.converged = size <= 4e-16 * (1.0 + std::fabs(theta)) ||
+            (count > 2 && size >= 0.5 * last && last < 1e-8 * span + 1e-13);
         if (!out.converged && ((theta == low && step < 0.0) || (theta == high && step > 0.0))) {
-            // It lies outside; how far outside the step says. Within the sliver that a grazing leaves out it is still this interval's.
+            // It lies outside; how far outside the step says. Within the sliver that a grazing leaves out it is still
+            // this interval's.
             if (!(-beyond_low <= step && step <= beyond_high)) out.theta = theta + step;
             out.converged = true;
         }
@@ -275,7 +285,8 @@ bool positive_between(const Varied& a, const Varied& m, const Varied& b, double 
 
 double touch_distance(const PlanarSystem& system, const FlightRecord& flight) {
     double size = 1.0;
-    for (int k = 0; k < 2; ++k) size += std::fabs(system.gap(0)[k]) * system.amplitude(k, flight.begin.z, flight.turn, 0);
+    for (int k = 0; k < 2; ++k)
+        size += std::fabs(system.gap(0)[k]) * system.amplitude(k, flight.begin.z, flight.turn, 0);
     return TOUCHING * size;
 }
 
@@ -294,7 +305,10 @@ Verdict flight_verdict(const StartSearch& search, int k, const StartInterval& in
             horizon = std::max(horizon, times[kind] - earliest);
             onward = onward || k < impacts[kind];
         }
-    if (k <= impacts[MIDDLE] && earliest <= search.latest) horizon = std::max(horizon, times[MIDDLE] - earliest), onward = true;
+    if (k <= impacts[MIDDLE] && earliest <= search.latest) {
+        horizon = std::max(horizon, times[MIDDLE] - earliest);
+        onward = true;
+    }
     if (horizon < 0.0) return Verdict::DONE;
     if (!all) return Verdict::ENDED;
     // -- how the flight ends
@@ -303,7 +317,9 @@ Verdict flight_verdict(const StartSearch& search, int k, const StartInterval& in
     if (flights.any(AHEAD)) return Verdict::ENDED;
     if (flights.any(STUCK)) return Verdict::PRESSED;
     const double r = interval.r, jacobian = interval.m.jacobian, grain = interval.grain;
-    const auto is_far = [&](const FlightRecord& flight) { return flight.contact == FREE || flight.duration.value > horizon; };
+    const auto is_far = [&](const FlightRecord& flight) {
+        return flight.contact == FREE || flight.duration.value > horizon;
+    };
     const bool last = is_far(a) && is_far(m) && is_far(b);
     const auto later = flights.rates(&FlightRecord::duration);
     const double steepest = std::max(std::max(std::fabs(later[0]), std::fabs(later[2])), std::fabs(later[1]));
@@ -313,7 +329,8 @@ Verdict flight_verdict(const StartSearch& search, int k, const StartInterval& in
             return (a.contact == FREE || b.contact == FREE) && r * jacobian > 1e-5 ? Verdict::LATE : Verdict::JUMP;
         if (a.contact != m.contact || a.contact == FREE) return Verdict::DIFFERENT;
         // The same stop, but one flight goes on past the impact that ends the other.
-        if (r * jacobian < 1e-4 && std::fabs(b.duration.value - a.duration.value) > 20.0 * r * steepest + 1e-9) return Verdict::JUMP;
+        const double apart = std::fabs(b.duration.value - a.duration.value);
+        if (r * jacobian < 1e-4 && apart > 20.0 * r * steepest + 1e-9) return Verdict::JUMP;
         if (k <= impacts[MIDDLE] && !flights.have_next()) return Verdict::ENDED;
     }
     if (onward && !last && k == search.most) return Verdict::ENDLESS;
@@ -333,18 +350,23 @@ Verdict flight_verdict(const StartSearch& search, int k, const StartInterval& in
     // -- the impact is a transversal one, and its arrival is known over the interval
     if (!last) {
         if (!flights.stays_positive(&FlightRecord::speed, 0.0)) return Verdict::SLOW;
-        if (m.acceleration > 0.0 && m.speed.value * m.speed.value <= 2.0 * m.acceleration * variation.gap) return Verdict::SKIMS;
-        const double off = std::fabs(b.duration.value - a.duration.value - (later[0] + 4.0 * later[1] + later[2]) * r / 3.0);
-        if (off > 0.1 * r * steepest + SLACK * (1.0 + search.longest) + 8.0 * grain / jacobian * steepest) return Verdict::UNEVEN;
+        if (m.acceleration > 0.0 && m.speed.value * m.speed.value <= 2.0 * m.acceleration * variation.gap)
+            return Verdict::SKIMS;
+        const double expected = (later[0] + 4.0 * later[1] + later[2]) * r / 3.0;
+        const double off = std::fabs(b.duration.value - a.duration.value - expected);
+        const double rounding = SLACK * (1.0 + search.longest) + 8.0 * grain / jacobian * steepest;
+        if (off > 0.1 * r * steepest + rounding) return Verdict::UNEVEN;
         if (onward && flights.have_next() && !arrives_evenly(system, flights)) return Verdict::UNEVEN;
     }
     // -- orbits
     const double blur = TUBE_MARGIN * r * std::fabs(m.duration.rate * jacobian);
     const double reach = last ? horizon : std::min(window + blur, horizon);
-    const bool with_impacts = k > 0 || search.starts.contact >= 0;  // motions without any impact are modes, known in closed form
+    // motions without any impact are modes, known in closed form
+    const bool with_impacts = k > 0 || search.starts.contact >= 0;
     for (const FarEnd kind : {ORIGIN, REST}) {
         if (!with_impacts || k > impacts[kind] || times[kind] <= earliest) continue;
-        const Tube tube{{m.begin.z, variation.along}, m.time.value, r, kind == ORIGIN ? variation.displacement : variation.velocity};
+        const double width = kind == ORIGIN ? variation.displacement : variation.velocity;
+        const Tube tube{{m.begin.z, variation.along}, m.time.value, r, width};
         if (!Approaches(system, kind, tube, std::min(reach, times[kind] - earliest), found).run())
             return kind == ORIGIN ? Verdict::NEAR_ORIGIN : Verdict::NEAR_REST;
     }

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import chosen, inlined, kernel, sized
+from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.contact_mode import apply_impact, land
 from bvp.kernels.cuts import is_cut
 from bvp.kernels.flight import Flight, copy_1, inner, row_dot, set_2
@@ -74,16 +74,6 @@ def total_time(matrix, start_map, shape, y):
     return total
 
 
-class PackedSegment(NamedTuple):
-    """A `Segment` in five arrays. A call from Python takes as long as it has arrays to hand over."""
-
-    pairs: np.ndarray  # of the flight
-    rows: np.ndarray  # (rows, N) all arrays with rows of N entries, one below the other
-    scalars: np.ndarray  # all arrays with one number each, one after the other
-    start_map: np.ndarray
-    shape: np.ndarray
-
-
 @chosen
 def unpack(packed):
     """The segment of a problem as kernels use it, from the form in which Python gives it to them."""
@@ -94,62 +84,6 @@ def unpack(packed):
 def unpacked(segment):
     """A segment that is given to kernels as it is."""
     return segment
-
-
-@unpack.of(PackedSegment)
-@inlined
-def unpack_segment(packed):
-    """The `Segment` that `pack` packed."""
-    pairs, rows, scalars, start_map, shape = packed
-    size = rows.shape[1]
-    nodes = shape[0] + 2
-    blocks = pairs.shape[0]
-    at = 3 * nodes + size
-    closers = rows.shape[0] - at - 2
-    side = 2 * blocks + 2 * nodes
-    return Segment(
-        Flight(pairs, scalars[:blocks], scalars[blocks : 2 * blocks], rows[3 * nodes : at]),
-        rows[:nodes],
-        rows[nodes : 2 * nodes],
-        rows[2 * nodes : 3 * nodes],
-        scalars[2 * blocks : 2 * blocks + nodes],
-        scalars[2 * blocks + nodes : side],
-        scalars[side : side + nodes],
-        start_map,
-        rows[at],
-        rows[at + 2 : at + 2 + closers],
-        scalars[side + nodes :],
-        rows[at + 1],
-        shape,
-    )
-
-
-@chosen
-def two_dof_segment(packed):
-    """The segment of a problem, known to be of states of four entries."""
-
-
-@two_dof_segment.of(Segment)
-@inlined
-def unpacked_two_dof(segment):
-    """See `two_dof_segment`: a segment that is given as it is."""
-    return segment
-
-
-@two_dof_segment.of(PackedSegment)
-@inlined
-def unpack_two_dof(packed):
-    """See `two_dof_segment`."""
-    return unpack_segment(PackedSegment(sized(packed.pairs, 2), sized(packed.rows, 4), packed.scalars, packed.start_map, packed.shape))
-
-
-def pack(segment):
-    """The `PackedSegment` of a `Segment`."""
-    flight = segment.flight
-    single = segment.start_offset[None], segment.weights[None]
-    rows = np.vstack([segment.gap, segment.gap_rate, segment.push, flight.matrix, *single, segment.end_map])
-    scalars = np.concatenate([flight.mean, flight.delta, segment.jump, segment.bound, segment.side, segment.end_offset])
-    return PackedSegment(flight.pairs, np.ascontiguousarray(rows), scalars, segment.start_map, segment.shape)
 
 
 RESULT = tuple(
@@ -300,15 +234,6 @@ def make_factor(segment):
         np.zeros((7, max(unknowns, size) + 2)),
         np.zeros((size, size)),
     )
-
-
-@inlined
-def sized_factor(factor):
-    """The same work space, known to be for states of four entries."""
-    return Factor(
-        factor.window, factor.closing, factor.diagonal, factor.factor, factor.scale, sized(factor.before, 4), sized(factor.flights, 4),
-        factor.work, sized(factor.square, 4),
-    )  # fmt: skip
 
 
 @chosen

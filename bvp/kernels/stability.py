@@ -18,7 +18,7 @@ from bvp.kernels.contact_mode import apply_impact, arrive
 from bvp.kernels.cuts import is_cut
 from bvp.kernels.flight import Flight, copy_1, row_dot, set_1, set_2, times_matrix
 from bvp.kernels.flights import energy_slope, flight_map, flow_product, rate, slope_times, squared_speed, twice_energy
-from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, start_state, two_dof_segment, unfold_impacts
+from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, start_state, unfold_impacts, unpack
 from bvp.kernels.newton import reflector
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, departure, landings, orthogonal_sweep, pencil, trivial_directions
 from bvp.kernels.smooth import SmoothFlight
@@ -303,7 +303,7 @@ def sized_period(period):
 @short_loops
 def orbit_stability(packed, y, ends, period, result):
     """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
-    segment, ends, scratch = two_dof_segment(packed), sized(ends, 4), sized_period(period)
+    segment, ends, scratch = unpack(packed), sized(ends, 4), sized_period(period)
     size = scratch.impacts.before.shape[1]
     impacts = count_impacts(segment.shape)
     # the second half period of an orbit solved as a quarter has the very factors of the first one: all changes its sign

@@ -10,9 +10,9 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import chosen, inlined, kernel, short_loops, sized
+from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.cuts import is_cut, is_smooth
-from bvp.kernels.extrema import INSTANT, TIE, Observed, clearance, nearer, note_contact, sign_changes, slack_of, tie_of
+from bvp.kernels.extrema import INSTANT, TIE, clearance, nearer, note_contact, sign_changes, slack_of, tie_of
 from bvp.kernels.flight import inner, row_dot, set_1
 from bvp.kernels.flights import energy_slope, path_state, rate, slope_times, twice_energy
 from bvp.kernels.multipoint import (
@@ -22,10 +22,8 @@ from bvp.kernels.multipoint import (
     STOP,
     Factor,
     Segment,
-    sized_factor,
     start_state,
     total_time,
-    two_dof_segment,
     unpack,
 )
 from bvp.kernels.newton import conditioning, correct
@@ -181,12 +179,6 @@ def _derivatives_of_cubic(y, along, out, ds, position, new_position, turn, tange
 def orbit_step(packed, factor, y, tangent, request, metric, landing):
     """See `take_step`."""
     take_step(unpack(packed), factor, y, tangent, request, metric, landing)
-
-
-@short_loops
-def two_dof_orbit_step(packed, factor, y, tangent, request, metric, landing):
-    """See `take_step`; N = 4."""
-    take_step(two_dof_segment(packed), sized_factor(factor), y, tangent, request, sized(metric, 6), landing)
 
 
 @kernel
@@ -465,12 +457,6 @@ def observe(segment, observed, y, ends, work, result):
 def orbit_observe(packed, observed, y, ends, work, result):
     """See `observe`."""
     observe(unpack(packed), observed, y, ends, work, result)
-
-
-@short_loops
-def two_dof_orbit_observe(packed, observed, y, ends, work, result):
-    """See `observe`; N = 4."""
-    observe(two_dof_segment(packed), Observed(sized(observed.rows, 4), observed.bounds), y, sized(ends, 4), work, result)
 
 
 class CompiledProblem(NamedTuple):

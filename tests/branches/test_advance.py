@@ -127,3 +127,12 @@ def test_a_short_piece_keeps_no_whole_block():
             owner = owner.base
         kept[id(owner)] = owner
     assert sum(owner.nbytes for owner in kept.values()) < 3 * len(run.points) * problem.unknowns * 8
+
+
+def test_the_test_functions_of_an_orbit_are_its_own():
+    """Whatever orbit was observed before. Oracle: the entries of its half map times the speeds of its impacts."""
+    branch = traced("S13O00+")
+    steps = Family(branch.problem)._steps
+    orbits = [branch.problem.step(branch.unknowns(place), np.zeros(2 * branch.problem.unknowns), 0.0) for place in (3, 30)]
+    for orbit in (*orbits, *orbits):
+        assert steps.values(orbit)[11:14] == [orbit["speeds"] * orbit[entry] for entry in ("b", "a", "d")]

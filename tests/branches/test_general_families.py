@@ -136,7 +136,8 @@ def test_what_rounding_decides_is_not_defined():
     system = chain(np.random.default_rng(300), 3)
     problem, y = backbone_segment(system, 0.2, impacts=1)
     reduced = Family(problem).begin(y).tests[COMMON:]
-    problem.held, problem.pairs = np.eye(3), 2
+    problem = MultipointProblem(system, problem.ends, problem.sequence)
+    problem.held, problem.free, problem.pairs = np.eye(3), np.zeros((0, 3)), 2
     tests = Family(problem).begin(y).tests[COMMON:]
     assert math.isnan(tests[0]) and math.isfinite(tests[1]) and math.isfinite(tests[2])
     assert np.all(np.isfinite(reduced))

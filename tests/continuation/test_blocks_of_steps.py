@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from continuation import Settings, TestFunction, follow, follow_both_ways
-from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, kinds_of, may_hide, next_step, refusal, watch
+from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, kinds_of, next_step, refusal, watch
 from continuation.problem import Advance
 from tests.continuation.curves import Eight, Line, Ring, circle, cubic, ellipse, hyperbola, parts, pitchfork
 
@@ -46,7 +46,7 @@ class Marching:
                 waiting = len(steps) + 1
             else:
                 for which in range(2 - waiting, 3):
-                    if watch(kinds, singular, may_hide, oldest, older, tests, new.tests, first, before, length, which):
+                    if watch(kinds, singular, (oldest, older, tests, new.tests), (first, before, length), which):
                         trial, waiting = new, 2 - which
                         break
                 else:

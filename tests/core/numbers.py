@@ -5,10 +5,15 @@ gets a function in PARTS. It yields a name and an array for each result, and tak
 by the core, because numpy's functions differ between processors. The words are required in the name of the core's compiler.
 """
 
+import math
 import sys
 
 import numpy as np
 import saltus_core
+
+from bvp.multipoint import MultipointProblem
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from saltus import discover, trace
 
 ONE = "sqrt sin cos tan exp expm1 log log1p sinh cosh tanh asinh asin acos atan".split()
 TWO = "pow hypot atan2".split()
@@ -34,7 +39,30 @@ def elementary_functions():
         yield f"double_double.{name}", getattr(saltus_core.double_double, name)(*wide)
 
 
-PARTS = [elementary_functions]
+def families():
+    """Points, multipliers and events of families with two and with three degrees of freedom."""
+    chain = ImpactSystem(np.diag([1.0, 2.0, 0.5]), np.zeros((3, 3)), CHAIN, (Stop((1.0, -1.0, 0.0), -1.0, 1.0),))
+    problem = MultipointProblem(chain, ("origin", "origin"), ("+", "-"))
+    found = discover(vibro_impact_nes(), 1.0, quarter_period=4.0, impacts=6)
+    for branch in (trace("S13O00+"), trace("S11O00-"), *(trace(orbit) for orbit in found.orbits[:4])):
+        for name in ("h", "alpha", "tau", "residual", "arclength"):
+            yield f"{branch.id} {name}", [math.nan if value is None else value for value in branch.points[name]]
+        yield f"{branch.id} events", [value for event in branch.events for value in (event.h, event.alpha, event.arclength)]
+    yield "chain", problem.residual(np.ldexp(1.0 + np.arange(problem.unknowns), -4))
+    yield "curvature of a chain", problem.jacobian(np.ldexp(1.0 + np.arange(problem.unknowns), -4))
+
+
+def searches():
+    """Every orbit at an energy: quarter periods and states."""
+    for energy in (0.5, 3.0):
+        found = discover(vibro_impact_nes(), energy, quarter_period=5.1, impacts=10)
+        yield f"quarter periods at {energy}", [orbit.alpha for orbit in found.orbits]
+        yield f"velocities at {energy}", np.concatenate([orbit.velocities for orbit in found.orbits if orbit.velocities is not None])
+
+
+CHAIN = np.array([[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.5]])
+
+PARTS = [elementary_functions, families, searches]
 
 
 def lines():

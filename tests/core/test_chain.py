@@ -215,3 +215,22 @@ def test_arrays_that_do_not_fit_are_refused():
         chain.multipliers_of_maps(*maps_of(cycle), contact, np.ones(4))
     with pytest.raises(ValueError, match="a half map is square"):
         core.half_map_tests(np.ones((3, 3)), True, False, 1.0, 2, True, 1.0, 0.3, np.zeros(0))
+
+
+@pytest.mark.parametrize("m", [1, 2, 4])
+@pytest.mark.parametrize("turned", [False, True])
+def test_multipliers_of_half_maps(m, turned):
+    """Oracle: R phi^-1 R phi in 40 digits, R = diag(1, -1); applied twice where half of the period is turned. How far a matrix is from a
+    symplectic one."""
+    phi = symplectic(np.random.default_rng(m), m)
+    values, defect = core.half_map_multipliers(phi, turned)
+    with mpmath.workdps(40):
+        exact, mirror = mpmath.matrix(phi.tolist()), mpmath.diag([1] * m + [-1] * m)
+        back = mirror * exact**-1 * mirror * exact
+        exact = np.array([complex(value) for value in mpmath.eig(back * back if turned else back, left=False, right=False)])
+    assert nearest(values, exact) < 1e-11 and defect < 1e-15
+    assert np.all(np.diff(np.abs(values)) < 1e-9 * np.abs(values[:-1]))
+    for entry in ((0, 0), (0, m), (m, m), (m, 0)):
+        wrong = phi.copy()
+        wrong[entry] += 0.01
+        assert core.half_map_multipliers(wrong, turned)[1] > 1e-6

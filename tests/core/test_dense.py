@@ -134,3 +134,40 @@ def test_symmetric_eigenvalues(size):
         np.testing.assert_allclose(np.sort(values), np.sort(exact), rtol=1e-14 * size)
         back = found @ np.diag(values) @ found.T
         assert np.max(np.abs(back - matrix)) < 1e-14 * size * np.max(np.abs(matrix))
+
+
+@pytest.mark.parametrize("size", range(1, 12))
+def test_eigensystems(size):
+    """Oracle: the definition, and the condition numbers 1/|y* x| of numpy's unit vectors."""
+    random = np.random.default_rng(size)
+    for matrix in (random.normal(size=(size, size)), np.diag(random.normal(size=size)), np.eye(size)):
+        values, real, imaginary, condition = core.eigensystem(matrix)
+        vectors = real + 1j * imaginary
+        scale = max(1.0, np.linalg.norm(matrix, 2))
+        np.testing.assert_allclose(np.linalg.norm(vectors, axis=0), 1.0, atol=1e-14)
+        assert np.max(np.abs(matrix @ vectors - vectors * values)) < 1e-13 * size * scale
+        np.testing.assert_allclose(condition, np.linalg.norm(np.linalg.inv(vectors), axis=1), rtol=1e-6)
+        assert np.all(vectors[:, np.imag(values) == 0.0].imag == 0.0)
+    exact = np.linalg.inv(np.linalg.eig(matrix := random.normal(size=(size, size)))[1])
+    found = core.eigensystem(matrix)
+    order = [int(np.argmin(np.abs(np.linalg.eig(matrix)[0] - value))) for value in found[0]]
+    np.testing.assert_allclose(found[3], np.linalg.norm(exact, axis=1)[order], rtol=1e-6)
+
+
+def test_eigenvalues_without_enough_vectors_have_no_condition():
+    """Oracle: a block of Jordan's form, whose eigenvalue moves by the root of a perturbation."""
+    for size in (2, 3):
+        assert np.min(core.eigensystem(np.eye(size) + np.eye(size, k=1))[3]) > 1e6
+
+
+@pytest.mark.parametrize("size", range(1, 10))
+def test_singular_values(size):
+    """Oracle: 40 digits. Graded rows keep the relative accuracy of small ones."""
+    random = np.random.default_rng(size)
+    for grade in (np.ones(size), 10.0 ** random.uniform(-8, 8, size)):
+        matrix = grade[:, None] * random.normal(size=(size, size))
+        found = np.sort(core.singular_values(matrix))
+        with mpmath.workdps(60):
+            exact = sorted(float(value) for value in mpmath.svd_r(mpmath.matrix(matrix.tolist()), compute_uv=False))
+        np.testing.assert_allclose(found, exact, rtol=1e-12)
+    assert np.array_equal(core.singular_values(np.zeros((size, size))), np.zeros(size))

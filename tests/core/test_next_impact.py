@@ -12,6 +12,7 @@ from bvp.kernels.flight import flow_state
 from tests.bvp.test_impact import oscillator, random_system
 from tests.bvp.test_modes import exceptional_point
 from tests.bvp.twins import chain
+from tests.core.systems import core_of
 
 HIT, TOUCH = 1, 2
 SPEEDS = (1e-3, 1e-6, 1e-9, 1e-12, 0.0)
@@ -23,11 +24,7 @@ class Searches:
 
     def __init__(self, system):
         self.modes = system.modes
-        flight, contacts = self.modes.flight, self.modes.contacts
-        arrays = flight.pairs, flight.mean, flight.delta, flight.matrix
-        self.flight = core.LinearFlight(*map(np.ascontiguousarray, arrays), np.ones(len(flight.matrix)))
-        rows = contacts.gap, contacts.rate, contacts.acceleration, contacts.side, contacts.bound, contacts.push, contacts.restitution
-        self.contacts = core.Contacts(*map(np.ascontiguousarray, rows))
+        self.flight, self.contacts = core_of(self.modes)
 
     def after(self, z, time):
         """The state after a free flight."""

@@ -1,6 +1,6 @@
 """The path from a command to a figure on docs/reference/program.md, and the files that CONTRIBUTING.md names.
 
-Oracle: the functions that Python enters while the command runs (`sys.setprofile`), and the kernels that it can import.
+Oracle: the functions that Python enters while the command runs (`sys.setprofile`), the kernels that it can import, and the core's source.
 """
 
 import ast
@@ -37,7 +37,10 @@ def entered(words):
 
 def kernels(file):
     """The functions of a file that are compiled: Python does not enter them."""
-    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    text = (ROOT / file).read_text(encoding="utf-8")
+    if file.startswith("bvp/core/"):
+        return set(re.findall(r"(?:class|struct) (\w+)", text)) | set(re.findall(r"^ *[\w:<>*& ,]+ (\w+)\(", text, re.MULTILINE))
+    tree = ast.parse(text)
     return {node.name for node in tree.body if isinstance(node, ast.FunctionDef) and node.decorator_list}
 
 

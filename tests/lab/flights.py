@@ -1,9 +1,10 @@
 """Flights: from a state and a time to the end, its derivatives and its rate."""
 
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
+import saltus_core as core
 
 from bvp import smooth_flights
 from bvp.kernels import flight as linear
@@ -46,32 +47,31 @@ class LinearFlight:
         mean = np.array([np.trace(matrix[k : k + size, k : k + size]) / size for k, size in blocks])
         return linear.Flight(np.array([[k, -size] for k, size in blocks]), mean, np.zeros(len(blocks)), matrix)
 
+    @cached_property
+    def core(self):
+        """The same flights as the core has them."""
+        return core.LinearFlight(*self.blocks, np.ones(len(self.blocks.matrix)))
+
     def end(self, z, t):
         """Return exp(B t) z."""
-        out = np.empty(len(self.blocks.matrix))
-        linear.flow_state(self.blocks, z, float(t), out)
-        return out
+        return self.core.end(z, float(t))
 
     def map(self, t):
         """Return exp(B t)."""
-        out = np.empty_like(self.blocks.matrix)
-        linear.flow_matrix(self.blocks, float(t), out)
-        return out
+        return self.core.map(float(t))
 
     def rate(self, z):
         """Return B z."""
-        out = np.empty(len(z))
-        linear.block_product(self.blocks.pairs, self.blocks.matrix, z, out)
-        return out
+        return self.core.rate(z)
 
     def amplitudes(self, row, z, horizon):
         """Return bounds of |w|, |w''| and |w'''| of w = row . exp(B t) z for 0 <= t <= horizon."""
-        return linear.amplitudes(self.blocks, row, z, horizon)
+        return self.core.bounds(row, z, horizon)
 
     @property
     def fastest_rate(self):
         """A bound of the rates of all blocks."""
-        return linear.fastest_rate(self.blocks)
+        return self.core.fastest
 
 
 class LoadedFlight:

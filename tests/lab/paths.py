@@ -4,12 +4,14 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+import saltus_core as core
 
 from bvp.closures import contact_of
-from bvp.kernels import energy_budget, extrema, impact
+from bvp.kernels import energy_budget, impact
 from bvp.kernels.contact_mode import restitute_state
 from bvp.multipoint import observed_of
 from bvp.simulate import checked_state
+from tests.core.systems import core_of
 from tests.lab.flights import LinearFlight
 
 __all__ = [
@@ -23,15 +25,16 @@ def sign_changes(system, row, z, duration, sign=0):
     value = np.ascontiguousarray(modes.to_state.T @ row)
     rate = np.ascontiguousarray(value @ modes.matrix)
     second = np.ascontiguousarray(rate @ modes.matrix)
-    return extrema.sign_changes(modes.flight, value, rate, second, z, float(duration), sign, False, False, np.empty(len(z)))
+    return core.sign_changes(core_of(modes)[0], np.array([value, rate, second]), z, float(duration), sign)
 
 
 def clearance(system, z, duration, first_of_equal=False):
     """Return the smallest distance of the first stop's gap coordinate from its bounds at a turning point inside a flight, the side and the
     time; infinite without turning points. first_of_equal: of distances that are equal to rounding the first counts."""
     observed = observed_of(system)
-    tie = extrema.tie_of(*observed.rows[0, :2], z, z, float(duration)) if first_of_equal else 0.0
-    return extrema.clearance(system.modes.flight, observed, 0, z, float(duration), tie, np.inf, np.empty((2, len(z))))
+    rows, (lower, upper) = np.ascontiguousarray(observed.rows[0]), observed.bounds[:, 0]
+    tie = core.tie_of(*rows[:2], z, z, float(duration)) if first_of_equal else 0.0
+    return core.clearance(core_of(system.modes)[0], rows, lower, upper, z, float(duration), tie)
 
 
 def integral(system, first, second, z, t, by=None):
@@ -82,10 +85,10 @@ def next_impact(system, u, v, horizon, leaving=None):
     """
     modes, n = system.modes, system.degrees_of_freedom
     z = modes.from_state @ checked_state(system, u, v)
-    work = impact.work_array(len(z), len(modes.contacts.side))
+    flight, contacts = core_of(modes)
     left = -1 if leaving is None else contact_of(system, leaving)
-    status, contact, time = impact.next_impact(modes.flight, modes.contacts, left, z, float(horizon), work)
-    end = LinearFlight(system).end(z, time)
+    status, contact, time = core.next_impact(flight, contacts, left, False, z, float(horizon))
+    end = flight.end(z, time)
     state = modes.to_state @ end
     speed = float(modes.contacts.side[contact] * (modes.contacts.rate[contact] @ end)) if contact >= 0 else 0.0
     letter = modes.contact_letters[contact] if contact >= 0 else ""

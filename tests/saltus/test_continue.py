@@ -205,9 +205,10 @@ def test_resonances_of_the_backbones_are_where_the_closed_form_has_them():
 
 
 def at_energy(data, energy):
-    """Quarter periods at the points next to an energy, along the branch."""
+    """Quarter periods at an energy, interpolated between the points on both sides of it."""
     h, alpha = column(data, "h"), column(data, "alpha")
-    return [alpha[i] for i in range(len(h) - 1) if (h[i] - energy) * (h[i + 1] - energy) <= 0.0]
+    sides = [i for i in range(len(h) - 1) if (h[i] - energy) * (h[i + 1] - energy) <= 0.0]
+    return [alpha[i] + (energy - h[i]) / (h[i + 1] - h[i]) * (alpha[i + 1] - alpha[i]) for i in sides]
 
 
 @pytest.mark.parametrize(("name", "energy", "alpha", "digits"), [("S73O33-", 7.3348, 1.64595, 1e-5), ("U8353-", 1.9458, 4.9065, 1e-4)])

@@ -1,8 +1,8 @@
-"""Long cases of tests/bvp/test_periodic_qr.py."""
+"""Long cases of tests.core.test_periodic_qr.py."""
 
 import pytest
 
-from tests.bvp.test_periodic_qr import CASES, require_each_eigenvalue_keeps_its_digits
+from tests.core.test_periodic_qr import CASES, require_each_eigenvalue_keeps_its_digits
 
 
 @pytest.mark.parametrize("name", CASES)

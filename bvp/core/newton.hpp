@@ -1,0 +1,267 @@
+/// Newton's corrections of a multipoint problem, and the sizes of its unknowns.
+#pragma once
+
+#include "problem.hpp"
+
+namespace saltus {
+
+/// Scaled residual that is nothing but rounding: 9 eps, for states at the ends of flights of size 1.
+inline constexpr double RESIDUAL_ROUNDING = 2e-15;
+
+/// Scaled residual of a converged solution.
+inline constexpr double CONVERGED_RESIDUAL = 1e-15;
+
+/// Scaled residual up to which a solution that cannot be improved is accepted.
+inline constexpr double LARGEST_RESIDUAL = 1e-12;
+
+/// Newton's update, in units of the unknowns' sizes, below which the next one is beyond double precision: its square.
+inline constexpr double SHORT_UPDATE = 1e-6;
+
+/// The same, below which new derivatives shorten the next update more than those of the iterate before.
+inline constexpr double NEAR_UPDATE = 1e-2;
+
+/// Largest displacement, largest velocity (both in modal units) and longest flight of an orbit.
+struct Sizes {
+    double displacement = 1.0, velocity = 1.0, longest = 1.0;
+};
+
+/// What Newton's corrections of an orbit came to.
+struct Correction {
+    bool converged = false;
+    int iterations = 0;
+    double contraction = 0.0;           // worst ratio of successive updates
+    double residual = INFINITE;         // scaled
+    double sign = 0.0, smallest = 0.0;  // of `BlockElimination::Pivots` at the solution
+};
+
+/// Newton's method for one problem, with its work space. Threads can share a problem, each with its own of these.
+template <class Problem>
+class Newton {
+public:
+    explicit Newton(const Problem& problem)
+        : elimination(problem.inner(), problem.rows(), problem.parameters() + 1, problem.closers(), problem.periodic()),
+          before(problem.inner() + 1, problem.size()), maps(problem.inner() + 1, problem.size() * problem.size()),
+          scale(problem.unknowns(), 1.0), null(problem.unknowns()), residual(problem.unknowns() - 1), problem_(problem),
+          update_(problem.unknowns()), least_(problem.closers()) {}
+
+    BlockElimination<Problem::ROWS> elimination;  // of the scaled Jacobian at the last solution
+    Array<> before,
+        maps;  // ends of the flights at the y of the last evaluation, (k + 1, N), and their derivatives (k + 1, N^2)
+    std::vector<double> scale, null,
+        residual;  // (u,) sizes of the unknowns; (u,) null vector at the last solution; (u - 1,)
+
+    /// Fill `before`, `maps` and `residual`.
+    void evaluate(Values y) {
+        const int n = problem_.size();
+        problem_.each_flight(y, [&](int i, auto z, double t) {
+            problem_.flight().end(z, t, before[i], Matrix<double>(maps[i].data(), n, n));
+        });
+        problem_.equations(y, before, residual);
+    }
+
+    /// Fill `scale` after an evaluation at y.
+    Sizes set_scale(Values y) {
+        const int half = problem_.size() / 2, k = problem_.inner();
+        Sizes sizes{0.0, 0.0, 0.0};
+        problem_.each_flight(y, [&](int i, auto z, double t) {
+            // 2h: near the grazing of a mode the velocities at all nodes are small.
+            if (i == 0) sizes.velocity = std::sqrt(problem_.flight().twice_energy(z));
+            for (int r = 0; r < half; ++r) {
+                sizes.displacement = largest(sizes.displacement, z[r], before(i, r));
+                sizes.velocity = largest(sizes.velocity, z[half + r], before(i, half + r));
+            }
+            sizes.longest = largest(sizes.longest, t, 0.0);
+        });
+        // Between two origins only rounding is left of the displacements at the ends.
+        if (k == 0 && problem_.closure().start == End::ORIGIN && problem_.closure().finish == End::ORIGIN)
+            sizes.displacement = sizes.velocity * sizes.longest;
+        if (sizes.displacement == 0.0) sizes.displacement = 1.0;
+        if (sizes.velocity == 0.0) sizes.velocity = sizes.displacement;
+        if (sizes.longest == 0.0) sizes.longest = 1.0;
+        for (int i = 0; i <= k; ++i) {
+            for (int j = 0; j < problem_.states(i); ++j)
+                scale[problem_.begin(i) + j] =
+                    (i == 0 ? moves_displacement(j) : j < half) ? sizes.displacement : sizes.velocity;
+            scale[problem_.time(i)] = sizes.longest;
+        }
+        if (problem_.periodic()) scale[problem_.unfolding()] = 1.0;
+        return sizes;
+    }
+
+    /// The largest residual, displacements and velocities each by their own scale.
+    double scaled_residual(const Sizes& sizes) const {
+        const int n = problem_.size(), half = n / 2, rows = problem_.rows(), k = problem_.inner();
+        const int full = problem_.periodic() ? k + 1 : k;
+        double worst = 0.0;
+        auto note = [&worst](double entry, double unit) {
+            entry = std::fabs(entry) / unit;
+            if (!(entry <= worst)) worst = entry;
+        };
+        for (int i = 0; i < full; ++i) {
+            const double* entries = &residual[i * rows];
+            for (int r = 0; r < n; ++r) note(entries[r], r < half ? sizes.displacement : sizes.velocity);
+            if (problem_.is_cut(i)) continue;  // each update fulfils equation (45), which is linear
+            double square = 0.0;
+            for (int r = 0; r < half; ++r) square += problem_.gap(i)[r] * problem_.gap(i)[r];
+            note(entries[n],
+                 square > 0.0 ? sizes.displacement * std::sqrt(square) : sizes.displacement);  // in units of length
+        }
+        for (int e = 0; e < int(residual.size()) - full * rows; ++e) {
+            double total = 0.0;
+            for (int c = 0; c < half; ++c) total += std::fabs(problem_.closure().end_map(e, c));
+            note(residual[full * rows + e], total > 0.0 ? sizes.displacement * total : sizes.velocity);
+        }
+        return worst;
+    }
+
+    /// Write the Jacobian at the last evaluation, at y, into the elimination, for the present scale.
+    void linearise(Values y) { problem_.linearise(y, before, maps, scale, elimination); }
+
+    /// Correct y in place, and factorise the Jacobian at the solution.
+    ///
+    /// y stays on row . y = target. With a row of zeros the corrections are of least norm. A factorisation is used
+    /// again as long as each update is a tenth of the one before. Where flights are series, it is renewed after each
+    /// update below `NEAR_UPDATE`. The iteration ends when
+    ///     the update no longer shrinks, and it or the residual is at rounding level (the update from a residual that
+    ///         is rounding is rounding, however badly the equations are conditioned);
+    ///     the residual is at rounding level, and by the last ratio the next update would be far below it;
+    ///     the same after a short update by derivatives of its own iterate: what is left of the residual is rounding;
+    ///     the updates grow, or `maximum` is reached. With maximum = 0, y is only evaluated.
+    Correction correct(Vector<double> y, Values row, double target, int maximum, double rounding) {
+        Correction found;
+        Sizes sizes;
+        Progress progress;
+        bool constrained = false;
+        for (double entry : row) constrained = constrained || entry != 0.0;
+        while (true) {
+            evaluate(y);
+            if (found.iterations > 0) {
+                judge(progress, found, sizes, rounding);
+                if (found.iterations == maximum && !progress.ended) {
+                    found.converged = found.residual < LARGEST_RESIDUAL && (progress.length < 1e-9 || progress.noise);
+                    progress.ended = true;
+                }
+                if (progress.ended && !found.converged) return found;
+            }
+            if (progress.fresh || progress.ended || maximum == 0) sizes = set_scale(y);
+            if (maximum == 0) {
+                found.residual = scaled_residual(sizes);
+                found.converged = found.residual < LARGEST_RESIDUAL;
+                progress.ended = true;
+            }
+            if (progress.fresh || progress.ended) factorise(y, sizes, found);
+            if (progress.ended) return found;
+            for (double& entry : residual) entry = -entry;
+            elimination.solve(residual, update_);
+            for (size_t j = 0; j < y.size(); ++j) update_[j] *= scale[j];
+            if (constrained && !hold(y, row, target)) return found;
+            ++found.iterations;
+            if (!advance(y, progress)) {
+                found.residual = INFINITE;
+                --found.iterations;
+                return found;
+            }
+        }
+    }
+
+    /// Size of the smallest singular value of the last factorised Jacobian; overwrites `residual`.
+    double conditioning() { return elimination.conditioning(residual); }
+
+private:
+    /// How the corrections of an orbit go on.
+    struct Progress {
+        double length = INFINITE,
+               previous = INFINITE;  // of the last update and the one before, in units of the unknowns' sizes
+        bool fresh = true;           // whether the Jacobian is to be computed anew
+        bool noise = false;          // whether the residual was rounding before the last update
+        bool ended = false;
+    };
+
+    static double largest(double a, double b, double c) { return std::max(a, std::max(std::fabs(b), std::fabs(c))); }
+
+    /// Whether a start parameter moves displacements.
+    bool moves_displacement(int j) const {
+        for (int r = 0; r < problem_.size() / 2; ++r)
+            if (problem_.closure().start_map(r, j) != 0.0) return true;
+        return false;
+    }
+
+    /// Whether the corrections have ended after an update, by the rules of `correct`.
+    void judge(Progress& progress, Correction& found, const Sizes& sizes, double rounding) {
+        constexpr bool SERIES = Problem::FlightType::is_series();
+        const double length = progress.length, ratio = length / progress.previous;
+        progress.noise = found.residual <= RESIDUAL_ROUNDING && length < SHORT_UPDATE;
+        const double worst = found.residual = scaled_residual(sizes);
+        progress.fresh = SERIES && length < NEAR_UPDATE;
+        progress.previous = length;
+        if (length <= rounding) {
+            found.converged = progress.ended = true;
+        } else if (SERIES && length < SHORT_UPDATE && worst <= CONVERGED_RESIDUAL) {
+            found.contraction = std::max(found.contraction, ratio);
+            found.converged = progress.ended = true;
+        } else if (found.iterations > 1) {
+            if (ratio > 0.5 && (length < 1e-9 || progress.noise)) {
+                found.converged = worst < LARGEST_RESIDUAL;
+                progress.ended = true;
+                return;
+            }
+            if (length > 1e-12 && !progress.noise) found.contraction = std::max(found.contraction, ratio);
+            if (worst <= CONVERGED_RESIDUAL && ratio <= 0.1 && ratio * length <= 0.1 * rounding)
+                found.converged = progress.ended = true;
+            else if (ratio > 2.0 && length > 1e-3) progress.ended = true;
+            progress.fresh = progress.fresh || ratio > 0.1;
+        }
+    }
+
+    /// Factorise the Jacobian at y, where the problem was evaluated last. The length of an equation at an end is at
+    /// least the scale of its condition: of a mode that moves alone, it is only that mode's cosine, and a pivot
+    /// relative to it would jump from -1 to 1 at zero.
+    void factorise(Values y, const Sizes& sizes, Correction& found) {
+        const int n = problem_.size();
+        for (int e = 0; e < problem_.closers(); ++e) {
+            least_[e] = 0.0;
+            if (problem_.periodic()) continue;
+            for (int r = 0; r < n; ++r) {
+                const double entry =
+                    problem_.closure().end_map(e, r) * (r < n / 2 ? sizes.displacement : sizes.velocity);
+                least_[e] += entry * entry;
+            }
+        }
+        linearise(y);
+        const auto pivots = elimination.factorise(least_);
+        found.sign = pivots.sign;
+        found.smallest = pivots.smallest;
+        elimination.null_vector(null);
+        for (size_t j = 0; j < null.size(); ++j) null[j] *= scale[j];
+    }
+
+    /// A multiple of the null vector takes the update to the plane row . y = target. Returns whether they meet.
+    bool hold(Values y, Values row, double target) {
+        double along = -target, slope = 0.0;
+        for (size_t j = 0; j < y.size(); ++j) {
+            along += row[j] * (y[j] + update_[j]);
+            slope += row[j] * null[j];
+        }
+        if (slope == 0.0) return false;
+        const double back = along / slope;
+        for (size_t j = 0; j < y.size(); ++j) update_[j] -= back * null[j];
+        return true;
+    }
+
+    /// y += the update; returns whether all is finite.
+    bool advance(Vector<double> y, Progress& progress) {
+        bool finite = true;
+        progress.length = 0.0;
+        for (size_t j = 0; j < y.size(); ++j) {
+            y[j] += update_[j];
+            progress.length = std::max(progress.length, std::fabs(update_[j]) / scale[j]);
+            finite = finite && std::isfinite(y[j]);
+        }
+        return finite;
+    }
+
+    const Problem& problem_;
+    std::vector<double> update_, least_;
+};
+
+}  // namespace saltus
