@@ -45,7 +45,7 @@ def integral(system, first, second, z, t, by=None):
     """
     modes = system.modes
     rows = [np.array([row]) @ modes.to_state for row in (first, second)]
-    products, start, out = energy_budget.Products(*rows, np.ones(1)), modes.from_state @ z, np.zeros(1)
+    products, start, out = energy_budget.Products(rows[0], rows[1], np.ones(1)), modes.from_state @ z, np.zeros(1)
     work, fastest = energy_budget.integral_work(len(z), 1), LinearFlight(system).fastest_rate
     if by is None:
         energy_budget.integrals(modes.flight, products, start, t, work, out)
