@@ -1,7 +1,7 @@
 """A family of impacting orbits as a problem of the continuation engine: steps, test functions, and the classification of events.
 
 Connects `bvp.multipoint` (the orbits) with `continuation` (the engine). The test functions are those of a symmetric orbit's half map
-phi = [[a, b], [c, d]] between its ends (see `bvp.kernels.stability`): each bifurcation is a plain zero of one entry, so no event
+phi = [[a, b], [c, d]] between its ends, equation (13): each bifurcation is a plain zero of one entry, so no event
 hides in a trace that touches +-2 without crossing it.
 """
 

@@ -127,7 +127,7 @@ class CoreSteps:
         return *begin, *lengths, *_goal(goal, self.problem.coordinates), float(ds), tuple(control), *block
 
     def narrow(self, before: Step, low: Place, high: Place, sought: Sought, block: Block) -> tuple[int, int]:
-        """Take steps between two: their number, and how they ended (`branches.kernels.brackets`)."""
+        """Take steps between two: their number, and how they ended (`Inside` in bvp/core/family.hpp)."""
         ends: list[Any] = []
         for length, step in (low, high):
             y, tangent = _numbers(step.y, step.tangent)

@@ -79,7 +79,7 @@ class MultipointProblem:
 
     Notes
     -----
-    The unknowns are y = (s, t_0, z_1, t_1, ..., z_k, t_k [, xi]) (see `bvp.kernels.multipoint`); N = 2 n modal coordinates a state.
+    The unknowns are y = (s, t_0, z_1, t_1, ..., z_k, t_k [, xi]), equation (30); N = 2 n modal coordinates a state.
     """
 
     def __init__(self, system: ImpactSystem, ends: tuple[str, str], sequence: Sequence[str], pieces: int = 1):
