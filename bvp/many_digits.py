@@ -1,6 +1,6 @@
 """Periodic orbits in fifty digits from the multipoint equations. They decide what double precision cannot, and serve as references.
 
-The modes are computed anew from the system's matrices. The equations are those of `bvp.kernels.multipoint`, with the full start state
+The modes are computed anew from the system's matrices. The equations are (30), with the full start state
 as an unknown and the start's end as equations of their own. They are evaluated in fixed point and corrected with the pseudo-inverse of
 their Jacobian in double precision: near the orbit each round gains about as many digits as double precision has. The residual that is
 left bounds the error of the orbit.
@@ -244,7 +244,7 @@ class DigitOrbit:
 
     @cached_property
     def half_map(self) -> Any:
-        """phi (2 m, 2 m) between the ends: see `bvp.kernels.stability`. A periodic closure has none: ValueError."""
+        """phi (2 m, 2 m) between the ends, equation (13). A periodic closure has none: ValueError."""
         if self.problem.periodic:
             raise ValueError("a periodic closure has no half map; its trace decides its stability")
         with mp.workdps(DIGITS):

@@ -16,8 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from bvp.kernels import hook
+from saltus.core_module import is_command, require_core
 
 __version__ = "0.1.0"
+
+if not is_command():
+    require_core()
 
 
 def _compile_together(module: str, name: str, types: Any) -> None:
