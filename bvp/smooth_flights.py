@@ -8,14 +8,20 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+import saltus_core as core
 
 from bvp.kernels.flight import Flight, sample_flights
 from bvp.kernels.taylor import Paths, SmoothFlight, fly_smooth, make_smooth_flight
 
 if TYPE_CHECKING:
+    from bvp.kernels.expressions import Program
+    from bvp.kernels.jets import JetProgram
     from bvp.system import ImpactSystem
 
-__all__ = ["flight_of", "loaded_steps", "modal_energies", "sample_path", "smooth_flight", "smooth_steps", "why_not_flown"]
+__all__ = [
+    "core_arrays", "core_flight", "flight_of", "loaded_steps", "modal_energies", "sample_path", "smooth_flight", "smooth_steps",
+    "why_not_complete", "why_not_flown",
+]  # fmt: skip
 
 PIECES = 1, 8, 64, 512
 """Parts in which a flight is computed where only its path is wanted."""
@@ -28,9 +34,7 @@ def smooth_flight(system: ImpactSystem, flights: int) -> SmoothFlight:
     """
     forces, modes = system.smooth_forces, system.modes
     assert forces is not None
-    n = system.degrees_of_freedom
-    inputs = np.hstack([forces.inputs[:, :n] @ modes.shapes, forces.inputs[:, n:] @ modes.shapes])
-    push = np.ascontiguousarray(-(forces.directions @ modes.shapes).T)
+    inputs, push = _modal_rows(system)
     flight: SmoothFlight = make_smooth_flight(modes.matrix, inputs, push, forces.program(), forces.energy_program(), flights)
     if not forces.is_called:
         return flight
@@ -38,6 +42,33 @@ def smooth_flight(system: ImpactSystem, flights: int) -> SmoothFlight:
 
     steps: SmoothFlight = collocated(flight)
     return steps
+
+
+def core_flight(system: ImpactSystem, keep: int = 16) -> core.SmoothFlight:
+    """The same flights as the core has them. keep: how many that were computed last are kept."""
+    forces, modes = system.smooth_forces, system.modes
+    assert forces is not None
+    weights = np.concatenate([modes.squares, np.ones(system.degrees_of_freedom)])
+    inputs, push = _modal_rows(system)
+    return core_arrays(modes.matrix, inputs, push, weights, forces.program(), forces.energy_program(), keep)
+
+
+def core_arrays(
+    matrix: np.ndarray, inputs: np.ndarray, push: np.ndarray, weights: np.ndarray, program: JetProgram, potential: Program, keep: int = 16
+) -> core.SmoothFlight:
+    """Flights of the core from their arrays: z' = B z (N, N), inputs (I, N), accelerations of unit forces (n, F), and the weights (N,) of
+    the quadratic part of twice the energy."""
+    arrays = (np.ascontiguousarray(array, dtype=float) for array in (matrix, inputs, push, weights))
+    forces = program.code, program.numbers, program.forces, program.slopes, program.registers
+    return core.SmoothFlight(*arrays, *forces, potential.code, potential.constants, potential.outputs, keep)
+
+
+def _modal_rows(system: ImpactSystem) -> tuple[np.ndarray, np.ndarray]:
+    """The inputs of the forces (I, N) and the accelerations of unit forces (n, F), in modal coordinates."""
+    forces, shapes, n = system.smooth_forces, system.modes.shapes, system.degrees_of_freedom
+    assert forces is not None
+    inputs = np.hstack([forces.inputs[:, :n] @ shapes, forces.inputs[:, n:] @ shapes])
+    return inputs, np.ascontiguousarray(-(forces.directions @ shapes).T)
 
 
 @lru_cache(maxsize=8)
@@ -49,6 +80,8 @@ def flight_of(system: ImpactSystem) -> Flight | SmoothFlight:
 def why_not_flown(flight: Any, begin: np.ndarray | None = None) -> str:
     """Where and why the flight that was computed last has no end; empty where it has one. flight: of any kind, under loads too. begin
     (W + 1,): the node and the duration of another one that was computed."""
+    if isinstance(flight, core.SmoothFlight):
+        return "" if flight.failure is None else why_not_complete(flight.failure)
     flight = getattr(flight, "taylor", flight)
     if not isinstance(flight, SmoothFlight):
         return ""
@@ -62,7 +95,18 @@ def why_not_flown(flight: Any, begin: np.ndarray | None = None) -> str:
     called = flight.stages.address != 0
     wrong = "the forces are no numbers, too large or not smooth there" if called else "the forces are too large or not smooth there"
     why = f"it takes more than {count} {'steps' if called else 'Taylor steps'}" if full else wrong
-    return f"a flight of time {paths.begins[slot, -1]:.4g} cannot be computed beyond the time {paths.times[slot, count]:.4g}: {why}"
+    return _beyond(paths.begins[slot, -1], paths.times[slot, count], why)
+
+
+def why_not_complete(path: core.TaylorPath) -> str:
+    """Where and why a flight has no end."""
+    steps = len(path.times) - 1
+    why = f"it takes more than {steps} Taylor steps" if path.exhausted else "the forces are too large or not smooth there"
+    return _beyond(path.duration, path.times[-1], why)
+
+
+def _beyond(duration: float, time: float, why: str) -> str:
+    return f"a flight of time {duration:.4g} cannot be computed beyond the time {time:.4g}: {why}"
 
 
 def smooth_steps(flight: Any, state: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:

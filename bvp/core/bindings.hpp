@@ -22,6 +22,7 @@ using OutMatrix = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu
 using OutCube = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using NewVector = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
 using NewMatrix = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
+using NewCube = nb::ndarray<nb::numpy, double, nb::ndim<3>>;
 
 inline Values view(const InVector& a) { return {a.data(), a.shape(0)}; }
 inline Matrix<const double> view(const InMatrix& a) { return {a.data(), int(a.shape(0)), int(a.shape(1))}; }
@@ -44,6 +45,12 @@ inline NewMatrix new_matrix(int rows, int columns) {
     nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
     return NewMatrix(data, {size_t(rows), size_t(columns)}, owner);
 }
+inline NewCube new_cube(Values values, int layers, int rows, int columns) {
+    double* data = new double[values.size() > 0 ? values.size() : 1];
+    std::copy(values.begin(), values.end(), data);
+    nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+    return NewCube(data, {size_t(layers), size_t(rows), size_t(columns)}, owner);
+}
 inline NewVector numpy_of(Values values) {
     NewVector out = new_vector(int(values.size()));
     std::copy(values.begin(), values.end(), out.data());
@@ -63,5 +70,6 @@ void bind_family(nb::module_& m);
 void bind_events(nb::module_& m);
 void bind_multipliers(nb::module_& m);
 void bind_search(nb::module_& m);
+void bind_smooth(nb::module_& m);
 
 }  // namespace saltus

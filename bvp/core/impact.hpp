@@ -423,7 +423,7 @@ NextImpact next_impact_on(const Path& path, const Contacts& contacts, int leavin
 template <class Flight>
 NextImpact next_impact(const Flight& flight, const Contacts& contacts, int leaving, bool released, Values z,
                        double horizon) {
-    return next_impact_on(path_of(flight, z), contacts, leaving, released, horizon);
+    return next_impact_on(path_of(flight, z, horizon), contacts, leaving, released, horizon);
 }
 
 /// The same, but touches are skipped: z moves to the last touch before the hit. The time counts from the z that was
@@ -433,7 +433,7 @@ NextImpact next_hit(const Flight& flight, const Contacts& contacts, const StepSt
                     Vector<double> z, double horizon) {
     double elapsed = 0.0;
     while (true) {
-        const auto path = path_of(flight, z);
+        const auto path = path_of(flight, z, horizon - elapsed);
         NextImpact found = next_impact_on(path, contacts, leaving, false, horizon - elapsed, stops);
         if (found.found == Found::TOUCH) {
             Local<double, Flight::SIZE> state(flight.size());

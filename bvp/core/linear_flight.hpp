@@ -6,7 +6,7 @@
 ///     end(z, t, out, map)           the same, and its derivative by the state; NaN where the flight has no end
 ///     rate(z, out)                  z'
 ///     carry(map, x, out)            out = map x, with what is known of the map's pattern
-///     path(z, horizon)              an object for evaluations along one flight: see `LinearPath`
+///     path_of(flight, z, duration)  an object for evaluations along one flight: see `LinearPath`
 ///     energy(z), energy_slope(z, out), bend(z, factor, add)   the conserved energy H, its gradient, its second derivative
 ///     is_series()                   whether flights are series with an error, and can have cuts (equation (45))
 #pragma once

@@ -111,7 +111,7 @@ private:
             const double last = i == k && ends_at(End::PERIODIC) ? length - slack : INFINITE;
             elapsed += length;
             if (!(length > 0.0)) continue;
-            const auto path = path_of(problem_.flight(), node(i));
+            const auto path = path_of(problem_.flight(), node(i), length);
             for (int stop = 0; stop < observed_.stops(); ++stop) {
                 const ObservedGap gap = observed_.gap(stop);
                 const double tie = std::max(tie_of(gap.value, gap.rate, node(i), node(i), length),
@@ -199,7 +199,7 @@ private:
         for (int i = 0; i <= problem_.inner(); ++i) {
             const bool from_rest = i == 0 && starts_at(End::REST),
                        to_rest = i == problem_.inner() && ends_at(End::REST);
-            const auto path = path_of(problem_.flight(), node(i));
+            const auto path = path_of(problem_.flight(), node(i), duration(i));
             const SignChanges part = sign_changes(path, velocity, duration(i), found.last, from_rest, to_rest);
             if (part.changes < 0) point_.gave_up = 1.0;
             found.changes += part.changes;

@@ -1,6 +1,6 @@
 /// One flight as the events along it see it: the seam between flights and searches in time.
 ///
-/// A path has these members; flights of other kinds provide the same.
+/// A path is made by path_of(flight, z, duration), and has these members; flights of other kinds provide the same.
 ///     size(), begin()               entries of a state; the state at the begin
 ///     state(t, out)                 the state at a time
 ///     rate(state, out)              z' at a state of the path
@@ -223,7 +223,8 @@ private:
     Values z_;
 };
 
+/// The path of the flight from z, over a duration. A linear one is known at all times.
 template <int N>
-LinearPath<N> path_of(const LinearFlight<N>& flight, Values z) { return {flight, z}; }
+LinearPath<N> path_of(const LinearFlight<N>& flight, Values z, double) { return {flight, z}; }
 
 }  // namespace saltus
