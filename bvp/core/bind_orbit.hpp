@@ -9,8 +9,15 @@
 
 namespace saltus {
 
-/// A multipoint problem, and the number of states for which it is compiled: 4, or any.
-class BoundProblem {
+/// What Python can do with any multipoint problem.
+class BoundAny {
+public:
+    AnyProblem* any = nullptr;  // owned by the kind of problem
+    size_t unknowns() const { return any->unknowns(); }
+};
+
+/// A multipoint problem of conservative orbits, and the number of states for which it is compiled: 4, 6, or any.
+class BoundProblem : public BoundAny {
 public:
     BoundProblem(const LinearFlight<>& flight, const Contacts& contacts, std::vector<int> contact, Closure closure,
                  Watch watch, bool general) {
@@ -51,19 +58,16 @@ public:
         else
             problem = make_orbit_problem<LinearFlight<>>(flight, contacts, std::move(closure), std::move(contact),
                                                          std::move(watch));
+        any = problem.get();
     }
 
     std::unique_ptr<AnyOrbitProblem> problem;
-    size_t unknowns() const { return problem->unknowns(); }
 
 private:
     template <int N>
     static std::unique_ptr<AnyOrbitProblem> make_with(const LinearFlight<>& flight, const Contacts& contacts,
                                                       Closure closure, std::vector<int> contact, Watch watch) {
-        Array<> matrix(N, N);
-        for (int r = 0; r < N; ++r) copy(flight.matrix()[r], matrix[r]);
-        LinearFlight<N> sized(flight.blocks(), std::move(matrix), {flight.weights().begin(), flight.weights().end()});
-        return make_orbit_problem<LinearFlight<N>>(std::move(sized), contacts, std::move(closure), std::move(contact),
+        return make_orbit_problem<LinearFlight<N>>(LinearFlight<N>(flight), contacts, std::move(closure), std::move(contact),
                                                    std::move(watch));
     }
 };

@@ -59,6 +59,7 @@ inline void require_size(const char* name, size_t size, size_t expected) {
 void bind_flight(nb::module_& m);
 void bind_elimination(nb::module_& m);
 void bind_orbit(nb::module_& m);
+void bind_forced(nb::module_& m);
 void bind_family(nb::module_& m);
 void bind_events(nb::module_& m);
 void bind_multipliers(nb::module_& m);

@@ -25,15 +25,6 @@ inline constexpr double CONDITION_NOISE = 5e-17;
 /// Part of the energy up to which the noise of a slope does not count here: it is measured where a zero is located.
 inline constexpr double CLEAR_SLOPE = 0.05;
 
-/// Bounds of a family, and the traces at which periods multiply: of a quarter those of the half map, else those of the
-/// full period.
-struct FamilyLimits {
-    double low, high,
-        longest;  // logarithms of the energies, and of the longest quarter period; infinite where there is none
-    double tangent_noise;
-    std::vector<double> targets;
-};
-
 /// The first `COMMON_TESTS` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's
 /// logarithm and of the quarter period's, impulsive orbits, and a number that identifies the label.
 inline void common_tests(const Point& point, const FamilyLimits& limits, Vector<double> out) {
@@ -56,6 +47,13 @@ inline void common_tests(const Point& point, const FamilyLimits& limits, Vector<
     out[10] = (waves * 4096.0 + point.first_quarter) * 8192.0 + point.second_quarter * 4.0 + point.in_phase;
 }
 
+/// What is observed of a problem's orbits: functionals along the flights; the displacements that stops and springs
+/// hold, (m + 1, n), and those that nothing resists, (f, n).
+struct Watch {
+    Observed observed;
+    Array<> held, free;
+};
+
 /// The test functions of the orbits of one problem, with what they are computed from.
 template <class Problem>
 class ConservativeTests {
@@ -63,10 +61,12 @@ class ConservativeTests {
     static constexpr bool PAIR = SIZE == 4;
 
 public:
-    /// held (m + 1, n), free (f, n): see `OrbitStability`.
-    ConservativeTests(const Problem& problem, const Observed& observed, Matrix<const double> held,
-                      Matrix<const double> free)
-        : stability(problem, held, free), problem_(problem), observed_(observed) {}
+    template <class Newton>
+    ConservativeTests(const Problem& problem, const Watch& watch, const Newton&)
+        : stability(problem, watch.held, watch.free), problem_(problem), observed_(watch.observed) {}
+
+    /// Nothing is to be computed before an orbit is observed.
+    void prepare(Values) {}
 
     OrbitStability<Problem> stability;
 
