@@ -63,5 +63,6 @@ void bind_family(nb::module_& m);
 void bind_events(nb::module_& m);
 void bind_multipliers(nb::module_& m);
 void bind_search(nb::module_& m);
+void bind_motion(nb::module_& m);
 
 }  // namespace saltus

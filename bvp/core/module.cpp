@@ -41,4 +41,5 @@ NB_MODULE(saltus_core, m) {
     saltus::bind_events(m);
     saltus::bind_multipliers(m);
     saltus::bind_search(m);
+    saltus::bind_motion(m);
 }
