@@ -6,6 +6,7 @@
 /// only when the program runs: `Matrix<double>`.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
@@ -440,16 +441,18 @@ bool symmetric_eigenvalues(M&& a, V&& vectors) {
 }
 
 /// Singular values of a matrix, which is overwritten: one-sided Jacobi rotations of its rows, until these are
-/// orthogonal. Small ones keep their digits if large rows make large ones. Returns whether they converged.
+/// orthogonal to the rounding of their products. Small ones keep their digits if large rows make large ones. Returns
+/// whether they converged.
 template <class M, class Out>
 bool singular_values(M&& a, Out&& out) {
     constexpr int SWEEPS = 60;  // ten are many
+    const double rounding = EPSILON * std::max(1, a.columns());
     for (int sweep = 0; sweep < SWEEPS; ++sweep) {
         bool quiet = true;
         for (int i = 0; i < a.rows() - 1; ++i)
             for (int j = i + 1; j < a.rows(); ++j) {
                 const double first = dot(a[i], a[i]), second = dot(a[j], a[j]), across = dot(a[i], a[j]);
-                if (!(std::fabs(across) > EPSILON * std::sqrt(first) * std::sqrt(second))) continue;
+                if (!(std::fabs(across) > rounding * std::sqrt(first) * std::sqrt(second))) continue;
                 quiet = false;
                 const double theta = (second - first) / 2.0 / across;
                 const double tangent = std::copysign(1.0 / (std::fabs(theta) + hypot(1.0, theta)), theta);

@@ -171,3 +171,12 @@ def test_singular_values(size):
             exact = sorted(float(value) for value in mpmath.svd_r(mpmath.matrix(matrix.tolist()), compute_uv=False))
         np.testing.assert_allclose(found, exact, rtol=1e-12)
     assert np.array_equal(core.singular_values(np.zeros((size, size))), np.zeros(size))
+
+
+@pytest.mark.parametrize("size", [4, 12, 24])
+def test_equal_singular_values(size):
+    """Oracle: those of orthonormal rows are 1. No rotation makes rows more orthogonal than the rounding of their products."""
+    for seed in range(40):
+        rows = np.linalg.qr(np.random.default_rng(seed).normal(size=(size, size)))[0]
+        assert np.abs(core.singular_values(np.ascontiguousarray(rows[: size // 2 + 1])) - 1.0).max() < 1e-14
+        assert np.abs(core.singular_values(np.block([[rows, -rows], [rows, rows]])) - np.sqrt(2.0)).max() < 1e-13
