@@ -230,10 +230,12 @@ class Named:
 
     @property
     def importance(self) -> tuple[bool, bool, float, str]:
-        """Sort key: cited names first, then families with a label, then those with the longest range of energy."""
+        """Sort key: cited names first, then families with a label, then those with the longest range of energy; of ranges that are equal but
+        for rounding, by id."""
         if self.curve is None:
             return (False, False, 0.0, self.text)
-        return (not self.cited, not self.text, -float(np.log(self.curve.h.max() / self.curve.h.min())), self.curve.family)
+        length = round(float(np.log(self.curve.h.max() / self.curve.h.min())), 9)
+        return (not self.cited, not self.text, -length, self.curve.family)
 
     def names(self) -> list[Named]:
         """The same curve with each of its cited names; itself if it has none."""
