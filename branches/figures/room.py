@@ -230,7 +230,7 @@ class Named:
 
     @property
     def importance(self) -> tuple[bool, bool, float, str]:
-        """Sort key: cited names first, then families with a label, then those with the longest range of energy; of ranges that are equal but
+        """Sort key: cited names first, then families with a label, then those with the longest range of energy; of ranges equal but
         for rounding, by id."""
         if self.curve is None:
             return (False, False, 0.0, self.text)
