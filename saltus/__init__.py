@@ -16,12 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from bvp.kernels import hook
-from saltus.core_module import is_command, require_core
 
 __version__ = "0.1.0"
-
-if not is_command():
-    require_core()
 
 
 def _compile_together(module: str, name: str, types: Any) -> None:
@@ -48,7 +44,15 @@ def __getattr__(name: str) -> Any:
     """Import a public name from its module, and keep it."""
     if name not in _MODULES:
         raise AttributeError(f"module 'saltus' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_MODULES[name]), name)
+    try:
+        value = getattr(importlib.import_module(_MODULES[name]), name)
+    except ImportError as error:
+        from saltus.errors import core_fault
+
+        fault = core_fault(error)
+        if not fault:
+            raise
+        raise ImportError(fault, name=error.name) from error
     if not _MODULES[name].startswith(_WITHOUT_METHODS):
         _add_methods()
     globals()[name] = value

@@ -15,8 +15,7 @@ from typing import Any, NoReturn, cast
 from branches.files import reason
 from bvp.interrupts import SIGNALS, end_by, ended_by
 from saltus import __version__
-from saltus.core_module import core_fault
-from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, one_line, plain_warnings, say
+from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, core_fault, exit_code, one_line, plain_warnings, say
 from saltus.options import SHELLS, OneLineParser, completion_script
 from saltus.outputs import GuardedStream
 from saltus.processes import one_thread
@@ -78,17 +77,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         except Exception as error:
             # Python 3.11 wraps an interrupt that comes while a class is made, as in an import.
             interrupted = isinstance(error.__cause__, KeyboardInterrupt)
-            fault = core_fault(error)
-            known = INTERRUPTED if interrupted else BAD_INPUT if fault else exit_code(error)
+            known = INTERRUPTED if interrupted else exit_code(error)
             if known is None:
                 raise
             code = known
             if interrupted:
                 say("interrupted; nothing more is written")
-            elif fault:
-                say(fault)
             elif error is not output.failure:
-                say(one_line(error))
+                say(core_fault(error) or one_line(error))
         if output.failure is not None and not isinstance(output.failure, BrokenPipeError):
             say(f"cannot write standard output: {reason(output.failure)}")
             code = max(code, BAD_INPUT)

@@ -7,13 +7,14 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from branches.files import WriteFailure, one_line
 
 __all__ = [
-    "BAD_INPUT", "DONE", "FAILED", "FAILURES", "INTERRUPTED", "BadInput", "computed", "exit_code", "nearest", "one_line", "plain_warnings",
-    "refusing", "say",
+    "BAD_INPUT", "DONE", "FAILED", "FAILURES", "INTERRUPTED", "BadInput", "computed", "core_fault", "exit_code", "nearest", "one_line",
+    "plain_warnings", "refusing", "say",
 ]  # fmt: skip
 
 DONE = 0
@@ -88,9 +89,35 @@ def plain_warnings() -> None:
     warnings.filterwarnings("ignore", r".* encountered in ", RuntimeWarning)
 
 
+def core_fault(error: BaseException) -> str:
+    """What is wrong with the compiled core, where that is the reason of an error, and the command that compiles it; else empty.
+
+    Examples
+    --------
+    >>> print(core_fault(ImportError("no such file", name="saltus_core")))  # doctest: +ELLIPSIS
+    the compiled core of saltus cannot be imported (no such file); compile it: ... -m pip install ...
+    >>> import saltus_core
+    >>> try:
+    ...     saltus_core.forgotten
+    ... except AttributeError as error:
+    ...     print(core_fault(error))  # doctest: +ELLIPSIS
+    the compiled core of saltus is older than the program (module 'saltus_core' has no attribute 'forgotten'); compile it: ...
+    >>> core_fault(ImportError("No module named 'numpy'", name="numpy")), core_fault(AttributeError("x"))
+    ('', '')
+    """
+    is_old = isinstance(error, AttributeError) or "cannot import name" in str(error)
+    place = getattr(error.obj, "__name__", "") if isinstance(error, AttributeError) else getattr(error, "name", "")
+    if place != "saltus_core":
+        return ""
+    fault = "is older than the program" if is_old else "cannot be imported"
+    folder = Path(__file__).resolve().parents[1]
+    what = f'--editable "{folder}"' if (folder / "backend.py").is_file() else "--force-reinstall --no-deps saltus"
+    return f"the compiled core of saltus {fault} ({error}); compile it: {sys.executable} -m pip install {what}"
+
+
 def exit_code(error: Exception) -> int | None:
-    """How the program ends after an error: 2 for bad input and for a place that cannot be written, 1 for a numerical failure or too little
-    memory, None for a fault of the program.
+    """How the program ends after an error: 2 for bad input, for a place that cannot be written and for a core that is not compiled, 1 for a
+    numerical failure or too little memory, None for a fault of the program.
 
     Examples
     --------
@@ -99,7 +126,7 @@ def exit_code(error: Exception) -> int | None:
     >>> exit_code(WriteFailure("cannot write a.json: no space is left on the device"))
     2
     """
-    if isinstance(error, WriteFailure | OSError):
+    if isinstance(error, WriteFailure | OSError) or core_fault(error):
         return BAD_INPUT
     # LinAlgError is a ValueError, but not an error of the input. If numpy is not loaded, it cannot be this error.
     numpy = sys.modules.get("numpy")

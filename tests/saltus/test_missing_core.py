@@ -27,8 +27,8 @@ def test_a_command_says_which_command_compiles_the_core(tmp_path, core, fault):
     assert "; compile it: " in line and " -m pip install " in line
 
 
-def test_without_the_core_an_import_fails_and_the_help_works(tmp_path):
-    done = run(tmp_path, ABSENT, "-c", "import saltus")
+def test_without_the_core_public_names_are_refused_and_the_help_works(tmp_path):
+    done = run(tmp_path, ABSENT, "-c", "import saltus; saltus.trace")
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith("ImportError: the compiled core of saltus cannot be imported (No module named")
     done = run(tmp_path, ABSENT, "-m", "saltus", "--help")
