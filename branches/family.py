@@ -8,37 +8,24 @@ hides in a trace that touches +-2 without crossing it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+import saltus_core as core
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.images import Image, images_within
-from branches.kernels.blocks import WatchedTests, advance_block, tested_step
-from branches.kernels.brackets import narrow_bracket
-from branches.kernels.functions import (
-    COMMON,
-    SMOOTH_TANGENT_NOISE,
-    TANGENT_NOISE,
-    common_tests,
-    general_tests,
-    is_orbit,
-    make_pairs_work,
-    periodic_tests,
-    two_dof_tests,
-)  # fmt: skip
+from branches.kernels.functions import is_orbit
 from branches.orbit import label_at
 from branches.presentation import starts_of
 from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
-from branches.steps import CoreSteps, KernelSteps, Limits
+from branches.steps import CoreSteps
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution, lost_digits
-from bvp.orbits import KernelOrbits
-from bvp.smooth_flights import why_not_flown
 from bvp.stability import stability
-from continuation.control import Settings, kinds_of
+from continuation.control import Settings
 from continuation.images import Symmetry
 from continuation.location import Location
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
@@ -60,41 +47,6 @@ _SHORT = 1e-3
 def multiplication(p: int, q: int) -> float:
     """Trace 2 cos(2 pi p/q) of the full-period map at a p:q resonance."""
     return 2.0 * math.cos(2.0 * math.pi * p / q)
-
-
-class SmoothSteps(KernelSteps):
-    """Steps along families with smooth forces; see `CoreSteps` for the parameters."""
-
-    def __init__(
-        self, problem: MultipointProblem, tests: Sequence[TestFunction], limits: Limits, targets: Sequence[float], computed: int
-    ):
-        assert isinstance(problem.orbits, KernelOrbits)
-        self._kept = limits, [*targets], computed
-        self._work = make_pairs_work(problem)
-        # With the fold as the only test function nothing else is computed.
-        compiled = problem.orbits.compiled(full=computed > 1)
-        general = periodic_tests if problem.periodic else None if problem._two_dof else general_tests
-        self._general, one, two = general, np.empty(1), np.empty((1, 1))
-        address = general.entry(problem.segment, one, two, self._work, one, one, one).address if general else 0
-        singular = np.array([test.singular for test in tests], dtype=float)
-        watched = WatchedTests(
-            np.array(kinds_of(tests)), singular, np.array(limits), np.array(targets, dtype=float), address, self._work
-        )
-        super().__init__(problem, watched, compiled, (advance_block, narrow_bracket, tested_step))
-
-    def values(self, solution: Solution) -> list[float]:
-        """See `CoreSteps.values`."""
-        limits, targets, computed = self._kept
-        tests, result = [0.0] * computed, solution.result.tolist()
-        common_tests(result, *limits, tests)
-        if self._general is None:
-            two_dof_tests(result, self.problem.segment.shape, targets, tests)
-        else:
-            values = np.empty(computed)
-            arguments = self._work, solution.result, np.array(targets, dtype=float), values
-            self._general(self.problem.segment, solution.y, solution.ends, *arguments)
-            tests[COMMON:] = values[COMMON:].tolist()
-        return tests
 
 
 class Family(SolvedFamily):
@@ -169,16 +121,15 @@ class Family(SolvedFamily):
         self.advance: Callable[..., Advance] | None = self._advance
         bounds = (*energy, quarter_period)
         low, high, longest = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
-        self._limits = low, high, longest, SMOOTH_TANGENT_NOISE if problem.is_smooth else TANGENT_NOISE
+        self._limits = low, high, longest, core.SMOOTH_TANGENT_NOISE if problem.is_smooth else core.TANGENT_NOISE
         self._targets = [level for _, _, level in self._resonant]
 
-    def _steps_of(self, problem: MultipointProblem) -> CoreSteps | SmoothSteps:
+    def _steps_of(self, problem: MultipointProblem) -> CoreSteps:
         """What takes steps along a family of a problem with its test functions."""
-        kind = SmoothSteps if problem.is_smooth else CoreSteps
-        return kind(problem, self.tests, self._limits, self._targets, self._computed)
+        return CoreSteps(problem, self.tests[: self._computed], self._limits, self._targets, self._computed)
 
     @cached_property
-    def _steps(self) -> CoreSteps | SmoothSteps:
+    def _steps(self) -> CoreSteps:
         return self._steps_of(self.problem)
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
@@ -199,7 +150,7 @@ class Family(SolvedFamily):
 
     def why_not_flown(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Why a step along the family fails where a flight cannot be computed; empty where it does not fail, or for another reason."""
-        return "" if not self.problem.is_smooth or self.step(y, tangent, ds).converged else why_not_flown(self.problem.segment.flight)
+        return "" if not self.problem.is_smooth or self.step(y, tangent, ds).converged else self.problem.orbits.why_not_flown()
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the energy and the quarter period reached; why a flight cannot be computed, or not to enough digits."""

@@ -233,7 +233,7 @@ def orbit_columns(
     rows = solutions if isinstance(solutions, Solution) else stacked(solutions)
     count, n, size = len(rows.y), problem.half, problem.size
     entry = dict(zip(RESULT_INDEX, rows.result.T, strict=True))
-    starts = rows.y[:, : problem.parameters] @ problem.segment.start_map.T + problem.segment.start_offset
+    starts = rows.y[:, : problem.parameters] @ problem.start_map.T + problem.start_offset
     physical = starts @ problem.modes.to_state.T
     last = problem.parameters + problem.inner * (size + 1) + 1
     waves = np.maximum(entry["waves_absorber"].astype(int), 1)
@@ -263,11 +263,11 @@ def orbit_columns(
 def impact_speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Speeds of approach (N, m) at the m impacts of a segment in order of time, those at its ends included, from the states at its start
     (N, 2 n) and at the end of each flight (N, k + 1, 2 n)."""
-    side, rate = problem.segment.side, problem.segment.gap_rate
+    side, rate, contact = problem.modes.contacts.side, problem.modes.contacts.rate, problem.contacts.tolist()
     hits = problem.inner + (problem.kinds[1] in (kernel.STOP, kernel.PERIODIC))
-    speeds = [side[i] * (ends[:, i] @ rate[i]) for i in range(hits) if problem.contacts[i] >= 0]
+    speeds = [side[contact[i]] * (ends[:, i] @ rate[contact[i]]) for i in range(hits) if contact[i] >= 0]
     if problem.kinds[0] == kernel.STOP:
-        speeds.insert(0, -side[problem.inner + 1] * (starts @ rate[problem.inner + 1]))
+        speeds.insert(0, -side[contact[-1]] * (starts @ rate[contact[-1]]))
     return np.array(speeds).reshape(-1, len(ends)).T
 
 

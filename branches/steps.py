@@ -1,7 +1,6 @@
-"""What takes steps along a family, with the test functions of each point: the compiled core, or kernels.
+"""What takes steps along a family, with the test functions of each point: the compiled core, or kernels for loads.
 
-Both fill the rows of a `Block` and have the same methods, so families do not ask which they have. The kernels are for smooth forces and for
-loads.
+Both fill the rows of a `Block` and have the same methods, so families do not ask which they have.
 """
 
 from __future__ import annotations
@@ -14,11 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import saltus_core
 
-from branches.kernels.blocks import Beginning, Block, GoalPlane, TestedPoint, WatchedTests
+from branches.kernels.blocks import Beginning, Block, GoalPlane, WatchedTests
 from branches.kernels.brackets import BracketWork, Departure, Known, make_bracket
 from branches.kernels.brackets import Sought as SoughtByKernel
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
-from bvp.orbits import CoreOrbits
 from continuation.control import Control, kinds_of
 from continuation.problem import Goal, Recent, Step, TestFunction
 
@@ -76,7 +74,7 @@ def _goal(goal: Goal, places: int) -> list[np.ndarray]:
 
 
 class CoreSteps:
-    """Steps of the core, for linear conservative problems.
+    """Steps of the core, for conservative problems.
 
     Parameters
     ----------
@@ -97,7 +95,6 @@ class CoreSteps:
     def __init__(
         self, problem: MultipointProblem, tests: Sequence[TestFunction], limits: Limits, targets: Sequence[float], computed: int
     ):
-        assert isinstance(problem.orbits, CoreOrbits)
         self.problem, self.computed = problem, computed
         singular = [test.singular for test in tests]
         orbits = problem.orbits.core
@@ -139,27 +136,21 @@ class CoreSteps:
 
 
 class KernelSteps:
-    """The same by kernels, for other problems.
+    """The same by kernels, for problems with loads or in parameters.
 
     Parameters
     ----------
-    problem : MultipointProblem or ForcedProblem
+    problem : ForcedProblem
     watched : WatchedTests
     compiled : CompiledProblem
         What takes steps.
-    kernels : (kernel, kernel, kernel or None)
-        For an advance, for steps between two, and for one step (`branches.kernels.blocks`, `.brackets`).
+    advance, narrow : kernel
+        For an advance, and for steps between two (`branches.kernels.blocks`, `.brackets`).
     """
 
-    def __init__(self, problem: Any, watched: WatchedTests, compiled: CompiledProblem, kernels: tuple[Any, Any, Any]):
+    def __init__(self, problem: Any, watched: WatchedTests, compiled: CompiledProblem, advance: Any, narrow: Any):
         self.problem, self._watched, self._compiled = problem, watched, compiled
-        self._advance, self._narrow, self._step = kernels
-
-    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, block: Block) -> bool:
-        """See `CoreSteps.step`."""
-        at, along = np.array(y, dtype=float), np.array(tangent, dtype=float)
-        point = TestedPoint(*(array[0] for array in block[:6]))
-        return bool(self._step(self._compiled, MOST_ITERATIONS, self._watched, at, along, float(ds), self._scratch, point))
+        self._advance, self._narrow = advance, narrow
 
     def advance(self, recent: Recent, ds: float, goal: Goal, control: Control, block: Block) -> tuple[int, bool, float]:
         """See `CoreSteps.advance`."""

@@ -14,15 +14,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
+from itertools import product as pairs_of
 
 import numpy as np
 import saltus_core as core
 
 from bvp.checks import EPSILON
+from bvp.dense import eigenvalues, jacobi, product, quadratic, solve
 
 __all__ = [
-    "Blocks", "Matrices", "blocks_of", "coupled_groups", "cut", "decay_rates", "exact", "exact_product", "jacobi", "traceless",
+    "Blocks", "Matrices", "blocks_of", "coupled_groups", "cut", "decay_rates", "exact", "exact_product", "traceless",
 ]  # fmt: skip
 
 LIGHT = 0.1
@@ -80,10 +81,10 @@ def blocks_of(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> Bloc
     damping = np.zeros((n, n))
     if np.any(system.damping):
         shapes = _turn_repeated(system, squares, shapes, _noise(system, squares, shapes))
-        damping = shapes.T @ system.damping @ shapes
+        damping = product(shapes.T, system.damping, shapes)
         # Repeat: a rotated shape can touch a damper that it did not touch before: a free translation must not seem to be damped.
         damping = np.where(np.abs(damping) <= _noise(system, squares, shapes), 0.0, damping)
-    to_state, from_state = np.kron(np.eye(2), shapes), np.kron(np.eye(2), shapes.T @ system.mass)
+    to_state, from_state = np.kron(np.eye(2), shapes), np.kron(np.eye(2), product(shapes.T, system.mass))
     own = damping.diagonal()
     if np.count_nonzero(damping) == np.count_nonzero(own):
         matrix, half = np.eye(2 * n, k=n), 0.5 * own
@@ -98,7 +99,7 @@ def blocks_of(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> Bloc
         blocks = [np.array([[0.0, 1.0], [-squares[k], -damping[k, k]]])]
         if len(group) > 1:
             blocks, forward, backward = _coupled_blocks(squares[list(group)], damping[np.ix_(group, group)])
-            blocks, right, left = _apart(system, blocks, right @ forward, backward @ left, bool(squares[list(group)].all()))
+            blocks, right, left = _apart(system, blocks, product(right, forward), product(backward, left), bool(squares[list(group)].all()))
         found.append((blocks, right, left))
     parts, columns, rows = zip(*found, strict=True)
     pieces = [piece for part in parts for piece in part]
@@ -111,9 +112,12 @@ def blocks_of(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> Bloc
 
 def _diagonal(blocks: list[np.ndarray]) -> np.ndarray:
     """The matrix of blocks."""
-    from scipy.linalg import block_diag
-
-    return np.array(block_diag(*blocks))
+    out = np.zeros((sum(map(len, blocks)), sum(block.shape[1] for block in blocks)))
+    row = column = 0
+    for block in blocks:
+        out[row : row + len(block), column : column + block.shape[1]] = block
+        row, column = row + len(block), column + block.shape[1]
+    return out
 
 
 def _refine_decay(system: Matrices, blocks: list[np.ndarray], right: np.ndarray) -> None:
@@ -140,7 +144,7 @@ def _apart(
 
     A Schur form leaves the slow ones the rounding of the fast ones. Rates far apart are separated by Newton's method: the columns are
     exact numbers, and so are the forces of the dampers, which nearly cancel in slow motion."""
-    rates = [np.linalg.eigvals(block) for block in blocks]
+    rates = [eigenvalues(block) for block in blocks]
     order = sorted(range(len(blocks)), key=lambda k: -np.abs(rates[k]).max())
     sizes = [float(np.abs(rates[k]).max()) for k in order]
     cuts = [i for i in range(1, len(order)) if sizes[i - 1] > SEPARATION_LIMIT * sizes[i]]
@@ -153,23 +157,23 @@ def _apart(
     for _ in range(REFINEMENTS):
         u, v = np.split(columns.astype(float), 2)
         force = exact_product(system.stiffness, u) + (damping @ columns[len(u) :]).astype(float)
-        residual = left @ np.vstack([v - u @ own, -np.linalg.solve(system.mass, force) - v @ own])
+        residual = product(left, np.vstack([v - product(u, own), -solve(system.mass, force) - product(v, own)]))
         turn = np.zeros_like(own)
-        for a, b in product(parts, parts):
+        for a, b in pairs_of(parts, parts):
             here = residual[np.ix_(a, b)]
             if a is b:
                 own[np.ix_(a, a)] += here
             else:
                 operator = np.kron(own[np.ix_(a, a)], np.eye(len(b))) - np.kron(np.eye(len(a)), own[np.ix_(b, b)].T)
-                turn[np.ix_(a, b)] = np.linalg.solve(operator, -here.ravel()).reshape(here.shape)
-        columns = columns + exact(np.vstack([u, v]) @ turn)
-        left = np.linalg.solve(np.eye(len(own)) + turn, left)
+                turn[np.ix_(a, b)] = solve(operator, -here.ravel()).reshape(here.shape)
+        columns = columns + exact(product(np.vstack([u, v]), turn))
+        left = solve(np.eye(len(own)) + turn, left)
         if np.abs(turn).max() <= np.sqrt(EPSILON):
             break
     right, index = columns.astype(float), np.concatenate(parts)
     found = [cut(own[np.ix_(part, part)]) for part in parts]
     pieces, forward, backward = zip(*found, strict=True)
-    return sum(pieces, []), right[:, index] @ _diagonal(forward), _diagonal(backward) @ left[index]
+    return sum(pieces, []), product(right[:, index], _diagonal(forward)), product(_diagonal(backward), left[index])
 
 
 def _noise(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> np.ndarray:
@@ -179,8 +183,8 @@ def _noise(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> np.ndar
     root = np.sqrt(np.diag(system.mass))[:, None]
     off = np.where(squares == 0.0, np.minimum((root * size).max(axis=0) / root, size.max(axis=0)), 0.0)
     damper = np.abs(system.damping)
-    between = off.T @ damper @ size + size.T @ damper @ off
-    return 8.0 * len(shapes) * EPSILON * (size.T @ damper @ size + between)
+    between = product(off.T, damper, size) + product(size.T, damper, off)
+    return 8.0 * len(shapes) * EPSILON * (product(size.T, damper, size) + between)
 
 
 def coupled_groups(damping: np.ndarray) -> list[tuple[int, ...]]:
@@ -207,8 +211,7 @@ def _turn_repeated(system: Matrices, squares: np.ndarray, shapes: np.ndarray, no
     """Within repeated frequencies the shapes are free: take those that the (symmetric) damping does not couple."""
     if not np.array_equal(system.damping, system.damping.T):
         return shapes
-    size = np.abs(shapes)
-    blur = 8.0 * len(squares) * EPSILON * np.einsum("ik,ij,jk->k", size, np.abs(system.stiffness), size)
+    blur = 8.0 * len(squares) * EPSILON * quadratic(np.abs(system.stiffness), np.abs(shapes))
     shapes = shapes.copy()
     start = 0
     for end in range(1, len(squares) + 1):
@@ -216,9 +219,9 @@ def _turn_repeated(system: Matrices, squares: np.ndarray, shapes: np.ndarray, no
             continue
         if end - start > 1:
             part = shapes[:, start:end]
-            damping = part.T @ system.damping @ part
+            damping = product(part.T, system.damping, part)
             damping = np.where(np.abs(damping) <= noise[start:end, start:end], 0.0, damping)
-            shapes[:, start:end] = part @ jacobi(damping)[1]
+            shapes[:, start:end] = product(part, jacobi(damping)[1])
         start = end
     return shapes
 
@@ -228,7 +231,8 @@ def _coupled_blocks(squares: np.ndarray, damping: np.ndarray) -> tuple[list[np.n
     g = len(squares)
     rate = np.sqrt(np.abs(squares))
     # All motions decay at least this fast. Displacements in units of speed over a smaller rate would lose digits.
-    rate = np.maximum(rate, np.linalg.eigvalsh(0.5 * (damping + damping.T))[0])
+    slowest, rounding = float(jacobi(0.5 * (damping + damping.T))[0].min()), 4.0 * g * EPSILON * float(np.abs(damping).max())
+    rate = np.maximum(rate, slowest if slowest > rounding else 0.0)
     rate = np.where(rate > 0.0, rate, np.maximum(np.abs(damping).max(axis=1), np.finfo(float).tiny))
     first = np.zeros((2 * g, 2 * g))
     first[:g, g:] = np.diag(rate)
@@ -247,14 +251,12 @@ def cut(matrix: np.ndarray, limit: float = SEPARATION_LIMIT) -> tuple[list[np.nd
     Raises
     ------
     RuntimeError
-        Where LAPACK reports that the Schur form did not converge.
+        Where the Schur form does not converge.
     """
-    from scipy.linalg import lapack, schur
-
     size = matrix.shape[0]
     try:
-        t, q = schur(matrix, output="real")
-    except np.linalg.LinAlgError as error:
+        t, q = core.schur(np.ascontiguousarray(matrix))
+    except RuntimeError as error:
         raise RuntimeError(f"the Schur form of a damped system of {size} states did not converge: {error}") from None
     noise = 4.0 * size * EPSILON * float(np.abs(matrix).max())
     forward = q.copy()
@@ -271,20 +273,19 @@ def cut(matrix: np.ndarray, limit: float = SEPARATION_LIMIT) -> tuple[list[np.nd
             nearest = _nearest(t, start, end)
             width = _schur_size(t, nearest)
             if nearest > end:
-                basis = np.eye(size)
-                t, basis, info = lapack.dtrexc(t, basis, nearest + 1, end + 1)
-                if info != 0:
-                    raise RuntimeError(f"eigenvalues of a damped system of {size} states could not be reordered (info {info})")
-                forward = forward @ basis
-                backward = basis.T @ backward
+                try:
+                    t, basis = core.move_block(t, np.eye(size), nearest, end)
+                except ValueError as error:
+                    raise RuntimeError(f"eigenvalues of a damped system of {size} states could not be reordered: {error}") from None
+                forward, backward = product(forward, basis), product(basis.T, backward)
             # Two real rates in one block cost no more than apart, and then cutting them apart magnifies nothing. A larger block would.
             if is_rate and magnified <= limit and (width > 1 or _cutting(t, start, end + 1)[1] > limit):
                 solution, _ = _cutting(t, start, end)
                 break
             end += width
         if end < size:
-            forward[:, end:] += forward[:, start:end] @ solution
-            backward[start:end] -= solution @ backward[end:]
+            forward[:, end:] += product(forward[:, start:end], solution)
+            backward[start:end] -= product(solution, backward[end:])
             t[start:end, end:] = 0.0
         block = t[start:end, start:end].copy()
         if len(block) == 1 and abs(block[0, 0]) <= noise:
@@ -296,14 +297,12 @@ def cut(matrix: np.ndarray, limit: float = SEPARATION_LIMIT) -> tuple[list[np.nd
 
 def _cutting(t: np.ndarray, start: int, end: int) -> tuple[np.ndarray, float]:
     """The Sylvester solution that cuts the block start..end off those after it, and its largest entry; infinite where there is none."""
-    from scipy.linalg import lapack
-
     if end == len(t):
         return np.zeros((end - start, 0)), 0.0
-    solution, scale, info = lapack.dtrsyl(t[start:end, start:end], t[end:, end:], -t[start:end, end:], isgn=-1)
-    if info != 0 or not scale > 0.0:
-        return solution, math.inf
-    return solution / scale, float(np.abs(solution).max() / scale)
+    parts = t[start:end, start:end], t[end:, end:], -t[start:end, end:]
+    solution = core.sylvester(*map(np.ascontiguousarray, parts))
+    magnified = math.inf if solution is None else float(np.abs(solution).max())
+    return (parts[2], math.inf) if not magnified < math.inf else (solution, magnified)
 
 
 def _schur_size(t: np.ndarray, start: int) -> int:
@@ -313,11 +312,11 @@ def _schur_size(t: np.ndarray, start: int) -> int:
 
 def _nearest(t: np.ndarray, start: int, end: int) -> int:
     """Where the block after `end` begins whose eigenvalue is nearest to one of the cluster start..end."""
-    cluster = np.linalg.eigvals(t[start:end, start:end])
+    cluster = eigenvalues(t[start:end, start:end])
 
     def apart(k: int) -> float:
         width = _schur_size(t, k)
-        return float(np.abs(np.linalg.eigvals(t[k : k + width, k : k + width])[:, None] - cluster).min())
+        return float(np.abs(eigenvalues(t[k : k + width, k : k + width])[:, None] - cluster).min())
 
     return min((k for k in range(end, len(t)) if t[k, k - 1] == 0.0), key=apart)
 
@@ -339,24 +338,9 @@ def decay_rates(system: Matrices, shapes: np.ndarray) -> np.ndarray:
     """Real parts of the rates (k,) of oscillating modes with the complex shapes (u, v) (2n, k), from the power and the energy of each.
     Where damping is light, those of an eigenvalue solver have few digits."""
     u, v = np.split(shapes, 2)
-    power = np.einsum("ik,ij,jk->k", v.conj(), system.damping, v).real
-    energy = np.einsum("ik,ij,jk->k", v.conj(), system.mass, v).real + np.einsum("ik,ij,jk->k", u.conj(), system.stiffness, u).real
-    return 0.0 - power / energy
-
-
-def jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues (not sorted) and orthogonal eigenvectors of a symmetric matrix by cyclic Jacobi rotations.
-
-    An entry is left alone where it is below the rounding of the geometric mean of its two diagonal entries, so graded matrices
-    keep the relative accuracy of their small eigenvalues.
-
-    Raises
-    ------
-    RuntimeError
-        If the sweeps do not converge.
-    """
-    values, vectors = core.symmetric_eigenvalues(np.ascontiguousarray(matrix, dtype=float))
-    return values, vectors
+    power, kinetic = (quadratic(matrix, v.real) + quadratic(matrix, v.imag) for matrix in (system.damping, system.mass))
+    potential = quadratic(system.stiffness, u.real) + quadratic(system.stiffness, u.imag)
+    return 0.0 - power / (kinetic + potential)
 
 
 def exact_product(*factors: np.ndarray) -> np.ndarray:
@@ -369,8 +353,6 @@ def exact_product(*factors: np.ndarray) -> np.ndarray:
     >>> exact_product(np.array([1.0, -1.0]), np.array([[0.1 + 0.2, 1.0], [0.3, 0.0]]))
     array([0., 1.])
     """
-    product, sizes = factors[0], np.abs(factors[0])
-    for factor in factors[1:]:
-        product, sizes = product @ factor, sizes @ np.abs(factor)
+    found, sizes = product(*factors), product(*map(np.abs, factors))
     terms = sum(factor.shape[-2:][0] for factor in factors[1:])  # of a vector, a matrix, or each matrix of a stack
-    return np.where(np.abs(product) <= 8.0 * terms * EPSILON * sizes, 0.0, product)
+    return np.where(np.abs(found) <= 8.0 * terms * EPSILON * sizes, 0.0, found)

@@ -1,4 +1,4 @@
-"""Forces given as Python functions: read as a formula where they are one, else called by the kernels (`bvp.kernels.collocation`).
+"""Forces given as Python functions: read as a formula where they are one, else called by the core (`bvp/core/collocation.hpp`) and kernels.
 
 A function is tried with a symbol first. What takes one, such as ``lambda w: w**3 + np.sin(w)``, becomes the text of a formula. All others,
 such as tables and splines, are functions that sympy does not know, with a derivative and an energy that are functions too.
@@ -9,10 +9,10 @@ from __future__ import annotations
 import ctypes
 import math
 import weakref
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from itertools import count
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
@@ -24,7 +24,7 @@ from bvp.kernels.jets import CALLED, Called, JetProgram
 from bvp.kernels.stages import STAGES
 from bvp.programs import derivative, program_of
 
-__all__ = ["CalledForce", "FailedForce", "called_program", "formula_of", "tried"]
+__all__ = ["CalledForce", "CalledForces", "FailedForce", "called_forces", "called_program", "formula_of", "tried"]
 
 _PROBES = np.array([-1.0, -0.3, -0.01, 0.01, 0.3, 1.0])
 _AGREES = 1e-5
@@ -253,11 +253,24 @@ def _function(name: str, values: Callable[..., Any], slopes: Sequence[Any]) -> A
     return type(name, (sympy.Function,), {"eval": classmethod(evaluate), "fdiff": fdiff, "called": staticmethod(values), "is_real": True})
 
 
-def called_program(
+class CalledForces(NamedTuple):
+    """Forces that are called, of I inputs, with their derivatives.
+
+    program: the registers are the inputs, forces, derivatives by inputs, derivatives by parameters. write: fills the rows below the inputs
+    in the first columns of an array (R, K), as many as its second argument. energies: of the inputs, the potential and, with parameters,
+    its derivatives.
+    """
+
+    program: JetProgram  # without an address
+    write: Callable[[np.ndarray, int], None]
+    energies: Callable[[np.ndarray], list[float]]
+
+
+def called_forces(
     forces: Sequence[Any], inputs: Sequence[Any], potential: Any, parameters: Sequence[Any], values: Sequence[float],
     compiled: Callable[..., Any],
-) -> tuple[JetProgram, Program]:  # fmt: skip
-    """As `bvp.jet_programs.jet_program`, of forces that are called. It gives their energy too.
+) -> CalledForces:  # fmt: skip
+    """The functions of forces that are called, of their derivatives and of their energy.
 
     compiled: makes a function of arrays from symbols and an expression.
     """
@@ -267,28 +280,54 @@ def called_program(
     results = [compiled(known, each) for each in (*forces, *(s[2] for s in slopes), *(c[2] for c in changes))]
     energies = [] if potential is None else [potential, *(derivative(potential, symbol) for symbol in known)]
     stored = [compiled(known, each) for each in (energies if parameters else energies[:1])]
-    exchange, energy, numbers = np.zeros((size + len(results), STAGES)), np.zeros(max(1, len(stored))), np.array(values, dtype=float)
+    numbers, first = np.array(values, dtype=float), size + len(forces)
+
+    def write(array: np.ndarray, columns: int) -> None:
+        at = [*array[:size, :columns], *numbers]
+        with np.errstate(all="ignore"), _named(array[:size, 0]):
+            for k, function in enumerate(results):
+                array[size + k, :columns] = function(*at)
+
+    def energy(at: np.ndarray) -> list[float]:
+        with np.errstate(all="ignore"), _named(at):
+            return [float(function(*at, *numbers)) for function in stored]
+
+    program = JetProgram(
+        np.array([[CALLED, size, 0, 0]], dtype=np.int64), numbers, np.arange(size, first, dtype=np.int64),
+        np.array([[f, i, first + k] for k, (f, i, _) in enumerate(slopes)], dtype=np.int64).reshape(-1, 3),
+        np.array([[f, j, first + len(slopes) + k] for k, (f, j, _) in enumerate(changes)], dtype=np.int64).reshape(-1, 3),
+        size + len(results), Called(0, np.zeros((0, STAGES)), np.zeros(max(1, len(stored)))),
+    )  # fmt: skip
+    return CalledForces(program, write, energy)
+
+
+@contextmanager
+def _named(at: np.ndarray) -> Iterator[None]:
+    """Errors inside become a `FailedForce` that names the elongations."""
+    try:
+        yield
+    except Exception as error:
+        where = ", ".join(f"{x:.6g}" for x in at.tolist())
+        raise FailedForce(f"a force given as a Python function fails at {where}: {type(error).__name__}: {error}") from error
+
+
+def called_program(found: CalledForces, parameters: Sequence[Any]) -> tuple[JetProgram, Program]:
+    """The same as `bvp.jet_programs.jet_program`, for kernels: a function at an address. It gives the energy of the forces too."""
+    program, write, energies = found
+    size = int(program.code[0, 1])
+    exchange, energy = np.zeros((program.registers, STAGES)), program.called.energy.copy()
 
     def call(columns: int) -> None:
         try:
             if hook.failures:  # the kernel that returns raises the first one
                 raise FailedForce
-            with np.errstate(all="ignore"):
-                at = [*exchange[:size, : max(1, columns)], *numbers]
-                if columns:
-                    for k, function in enumerate(results):
-                        exchange[size + k, :columns] = function(*at)
-                else:
-                    for k, function in enumerate(stored):
-                        energy[k] = function(*[x[0] if np.ndim(x) else x for x in at])
+            if columns:
+                write(exchange, columns)
+            else:
+                energy[:] = energies(exchange[:size, 0]) or 0.0
         except BaseException as error:
             exchange[size:, : max(1, columns)] = energy[:] = math.nan
-            if not hook.failures and isinstance(error, Exception):
-                where = ", ".join(f"{x:.6g}" for x in exchange[:size, 0].tolist())
-                failure = FailedForce(f"a force given as a Python function fails at {where}: {type(error).__name__}: {error}")
-                failure.__cause__ = error
-                hook.failures.append(failure)
-            elif not hook.failures:
+            if not hook.failures:
                 hook.failures.append(error)
 
     callback = _CALLBACK(call)
@@ -296,11 +335,4 @@ def called_program(
     shown = exchange[:]
     _callbacks[id(shown)] = callback
     weakref.finalize(shown, _callbacks.pop, id(shown), None)
-    first = size + len(forces)
-    program = JetProgram(
-        np.array([[CALLED, size, 0, 0]], dtype=np.int64), numbers, np.arange(size, first, dtype=np.int64),
-        np.array([[f, i, first + k] for k, (f, i, _) in enumerate(slopes)], dtype=np.int64).reshape(-1, 3),
-        np.array([[f, j, first + len(slopes) + k] for k, (f, j, _) in enumerate(changes)], dtype=np.int64).reshape(-1, 3),
-        len(exchange), Called(address, shown, energy),
-    )  # fmt: skip
-    return program, program_of(list(parameters), parameters)
+    return program._replace(called=Called(address, shown, energy)), program_of(list(parameters), parameters)

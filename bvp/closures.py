@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.checks import finite_numbers
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, unfold_impacts
+from bvp.dense import length, orthonormal, product, quadratic, singular
+from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP
 from bvp.smooth_flights import sample_path
 from bvp.texts import shown
 
@@ -83,11 +84,11 @@ def end_maps(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.ndar
         rows[:, n:] = np.eye(n)
     else:
         gap = modes.contacts.gap[contact, :n]
-        normal = gap / np.linalg.norm(gap)
-        basis = np.linalg.qr(np.column_stack([gap, np.eye(n)]))[0][:, 1:]  # orthonormal, of the complement of the normal
+        normal = gap / length(gap)
+        basis = orthonormal(np.column_stack([gap, np.eye(n)]))[:, 1:]  # orthonormal, of the complement of the normal
         start_map[:n, : n - 1] = basis
         start_map[n:, n - 1] = normal
-        offset[:n] = normal * modes.contacts.bound[contact] / np.linalg.norm(gap)
+        offset[:n] = normal * modes.contacts.bound[contact] / length(gap)
         rows[0, :n] = gap
         bounds[0] = modes.contacts.bound[contact]
         rows[1:, n:] = basis.T
@@ -110,15 +111,15 @@ def free_motions(system: ImpactSystem, hit: frozenset[int] | None = None) -> np.
     if not index.size:
         return np.zeros((0, n))
     rigid = modes.shapes[:, index]
-    size = np.linalg.norm(rigid, axis=0)
+    size = np.sqrt(quadratic(np.eye(n), rigid))
     resisting = [np.asarray(stop.gap) for k, stop in enumerate(system.stops) if hit is None or k in hit]
     if system.smooth_forces is not None:
         resisting += [row for row in system.smooth_forces.inputs[:, :n] if np.any(row)]
-    rows = np.array([row / np.linalg.norm(row) for row in resisting]).reshape(-1, n)
-    _, singular, directions = np.linalg.svd(rows @ (rigid / size))
-    felt = int(np.sum(singular > _NONE))
+    rows = np.array([row / length(row) for row in resisting]).reshape(-1, n)
+    values, directions = singular(product(rows, rigid / size))
+    felt = int(np.sum(values > _NONE))
     free = np.zeros((index.size - felt, n))
-    free[:, index] = np.linalg.qr((directions[felt:] / size).T)[0].T
+    free[:, index] = orthonormal((directions[felt:] / size).T)[:, : len(free)].T
     return free
 
 
@@ -143,8 +144,8 @@ def held_motions(system: ImpactSystem, hit: frozenset[int] | None = None) -> np.
     free = deflated_motions(system, hit)
     unit = np.eye(free.shape[1])
     mixed = np.flatnonzero(np.any(free != 0.0, axis=0))
-    others = np.linalg.qr(free[:, mixed].T, mode="complete")[0][:, len(free) :]
-    return np.ascontiguousarray(np.vstack([others.T @ unit[mixed], np.delete(unit, mixed, axis=0)]))
+    others = orthonormal(free[:, mixed].T)[:, len(free) :]
+    return np.ascontiguousarray(np.vstack([product(others.T, unit[mixed]), np.delete(unit, mixed, axis=0)]))
 
 
 def free_translation(system: ImpactSystem, hit: frozenset[int] | None = None) -> np.ndarray | None:
@@ -161,7 +162,7 @@ def free_translation(system: ImpactSystem, hit: frozenset[int] | None = None) ->
     free = free_motions(system, hit)
     if not len(free):
         return None
-    found = system.modes.shapes @ free[-1]
+    found = product(system.modes.shapes, free[-1])
     found = found / found[np.argmax(np.abs(found) > (1.0 - _NONE) * np.abs(found).max())]
     return np.where(np.abs(found) < _NONE, 0.0, found)
 
@@ -242,17 +243,14 @@ class Cycle:
 
 def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     """The full period of the solution y of a multipoint problem, unfolded by the reversals of its ends."""
-    y, segment, contacts = np.array(y, float), problem.segment, problem.contacts
-    most, size = 4 * (len(contacts) - 1), problem.size
-    found = ImpactList(np.empty((most, size)), np.empty((most, size)), np.empty(most), np.empty(most, dtype=np.int64))
-    count, lead = unfold_impacts(segment, y, problem.end_states(y), found, np.empty((2, size)))
-    if not count:
+    period, contacts, rows = problem.orbits.unfold(y), np.array(problem.contacts), problem.modes.contacts
+    if not period.node:
         start = problem.start(y)[None]
-        period = 4.0 / problem.quarters * float(np.sum(problem.flight_times(y)))
-        return Cycle(problem.system, start, start, np.array([period]), np.array([-1]), 0.0)
-    before, after, duration, row = (array[:count].copy() for array in found)
-    contact = contacts[row]
+        whole = 4.0 / problem.quarters * float(np.sum(problem.flight_times(y)))
+        return Cycle(problem.system, start, start, np.array([whole]), np.array([-1]), 0.0)
+    contact = contacts[period.node]
     # An image of an impact can be on the other side of the stop.
-    mirrored = segment.bound[row] * np.einsum("ij,ij->i", segment.gap[row], before) < 0.0
-    contact[mirrored] = problem.system.modes.contact_opposite[contact[mirrored]]
-    return Cycle(problem.system, before, after, duration, contact, float(lead))
+    hit = np.flatnonzero(contact >= 0)
+    mirrored = hit[rows.bound[contact[hit]] * np.einsum("ij,ij->i", rows.gap[contact[hit]], period.before[hit]) < 0.0]
+    contact[mirrored] = problem.modes.contact_opposite[contact[mirrored]]
+    return Cycle(problem.system, period.before, period.after, period.duration, contact, period.lead)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from bvp.closures import EndsError, contact_of
+from bvp.dense import product, solve
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -123,10 +124,10 @@ def pulled_open(system: ImpactSystem, closed: Collection[int], contact: int) -> 
     modes = system.modes
     side, stop = modes.contacts.side, modes.contact_stop
     rows = np.array([side[one] * np.asarray(system.stops[stop[one]].gap) for one in [*contacts, contact]])
-    matrix = rows @ np.linalg.solve(system.mass, rows.T)
+    matrix = product(rows, solve(system.mass, rows.T))
     scale = np.sqrt(np.diag(matrix))
     matrix = matrix / np.outer(scale, scale)
-    pull = np.linalg.solve(matrix[:-1, :-1], matrix[:-1, -1])
+    pull = solve(matrix[:-1, :-1], matrix[:-1, -1])
     most = int(np.argmax(pull))
     return contacts[most] if pull[most] > _ROUNDING else None
 

@@ -26,12 +26,12 @@ from bvp.kernels.forced import LoadedSegment, ReleasedEntries, fly_loaded, force
 from bvp.kernels.forced_sticking import Unstuck, contact_force
 from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
 from bvp.kernels.loads import Loads
-from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_factor
+from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, Factor, make_factor
 from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.step import CompiledProblem, Landing, Request
 from bvp.kernels.undamped import Renewal, make_renewal, renew_free_flight
 from bvp.multipliers import sort_multipliers
-from bvp.multipoint import GROWTH, MOST_PIECES, NotConverged, Solution, dense_jacobian, enough_pieces, largest_growth
+from bvp.multipoint import GROWTH, MOST_PIECES, NotConverged, Solution, enough_pieces
 from bvp.parameters import ParametricSystem
 from bvp.programs import scratch_size
 from bvp.smooth_flights import why_not_flown
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from bvp.curvature import Curvature
     from bvp.smooth_forces import SmoothForces
 
-__all__ = ["ForcedProblem"]
+__all__ = ["ForcedProblem", "dense_jacobian"]
 
 GRAZING = 1e-11
 """Impact speed, over the largest velocity, below which an impact grazes: a located grazing has one of rounding, about 1e-12."""
@@ -547,8 +547,8 @@ class ForcedProblem:
         request, factor = Request(0.0, 0.0, 0), self._factor
         step = forced_step.entry(self.segment, factor, landing.y, self._zero, request, metric, landing).address
         observe = forced_observe.entry(self.segment, self._watched, landing.y, factor.before, self._nothing, result).address
-        addresses = np.array([step, observe if full else 0, 0])
-        return CompiledProblem(addresses, self.segment, factor, self._watched, self._nothing, self._nothing)
+        addresses = np.array([step, observe if full else 0])
+        return CompiledProblem(addresses, self.segment, factor, self._watched, self._nothing)
 
     def solve(self, y: np.ndarray) -> Solution:
         """Newton's solution near y at the parameter's value there.
@@ -610,7 +610,9 @@ class ForcedProblem:
     def growth(self, y: np.ndarray) -> float:
         """See `MultipointProblem.growth`."""
         self.residual(y)
-        return largest_growth(self.segment, self._factor, y, self.degrees_of_freedom)
+        displacement, velocity, _ = set_scale(self.segment, np.array(y, float), self._factor)
+        sizes = np.repeat([displacement, velocity], self.degrees_of_freedom)
+        return float(np.max(np.abs(self._factor.flights[:, : len(sizes), : len(sizes)]) * sizes / sizes[:, None]))
 
     @cached_property
     def _orbit_multipliers(self) -> OrbitMultipliers:
@@ -636,3 +638,15 @@ class ForcedProblem:
         """Multipliers of the full period from `multipliers` of the solved segment: of half a period their squares."""
         with np.errstate(over="ignore", invalid="ignore"):  # of those without bound
             return multipliers**2 if self.half else multipliers
+
+
+def dense_jacobian(factor: Factor, rows: int) -> np.ndarray:
+    """The Jacobian that `fill` wrote into the factor arrays, (u - 1, u). rows: equations of a flight."""
+    inner, unknowns = len(factor.window) // rows, factor.closing.shape[1]
+    out = np.zeros((unknowns - 1, unknowns))
+    for i in range(inner):
+        base = max(0, (i - 1) * rows)
+        width = min(factor.window.shape[1], unknowns - base)
+        out[i * rows : (i + 1) * rows, base : base + width] = factor.window[i * rows : (i + 1) * rows, :width]
+    out[inner * rows :] = factor.closing
+    return out

@@ -150,7 +150,7 @@ def _free_flights(problem: MultipointProblem, y: np.ndarray, rate: float) -> Ite
     shapes = modes.to_state[:n]
     for state, duration in zip([problem.start(y), *problem.nodes(y)], problem.flight_times(y).tolist(), strict=True):
         if problem.is_smooth:
-            edges, coefficients = smooth_steps(problem.segment.flight, state, duration)
+            edges, coefficients = smooth_steps(problem.orbits.flight, state, duration)
             yield from _along_steps(begin, edges, coefficients @ shapes.T, rate)
         else:
             times, weights = _panels(duration, rate + fastest_rate(modes.flight))

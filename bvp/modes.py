@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.blocks import REFINEMENTS, Blocks, Matrices, blocks_of, exact, exact_product, jacobi
+from bvp.blocks import REFINEMENTS, Blocks, Matrices, blocks_of, exact, exact_product
 from bvp.checks import EPSILON, read_only
+from bvp.dense import cholesky, jacobi, product, quadratic, solve
 
 if TYPE_CHECKING:
     from bvp.kernels.flight import Contacts, Flight
@@ -99,10 +100,10 @@ def _modes_of(mass: bytes, damping: bytes, stiffness: bytes, every_stop: Sequenc
     for k, stop in enumerate(every_stop):
         row = np.array(stop.gap)
         participation = exact_product(row, blocks.shapes)
-        impulse = blocks.shapes @ participation / (participation @ participation)
-        gap, rate = exact_product(row, blocks.to_state.reshape(2, n, 2 * n))
-        rows[0, k], rows[1, k], rows[2, k] = gap, rate, rate @ blocks.matrix
-        rows[3, k] = balanced(blocks.from_state[:, n:] @ impulse, rate)
+        impulse = product(blocks.shapes, participation) / product(participation, participation)
+        gap, rate = (exact_product(row, part) for part in blocks.to_state.reshape(2, n, 2 * n))
+        rows[0, k], rows[1, k], rows[2, k] = gap, rate, product(rate, blocks.matrix)
+        rows[3, k] = balanced(product(blocks.from_state[:, n:], impulse), rate)
     sides = [(k, *of, stop) for k, stop in enumerate(every_stop) for of in ((-1.0, stop.lower), (1.0, stop.upper))]
     repeated = repeated_contacts(every_stop) if len(every_stop) > 1 else {}
     contacts = [contact for i, contact in enumerate(contact for contact in sides if math.isfinite(contact[2])) if i not in repeated]
@@ -208,17 +209,17 @@ def _known_modes(n: int, mass_entries: bytes, stiffness_entries: bytes) -> tuple
     (mass, stiffness), sizes = forms, np.abs(forms)
     root, one = np.sqrt(mass.diagonal()), np.eye(n)
     scale = 1.0 / root
-    lower = np.linalg.cholesky(scale[:, None] * mass * scale)
-    half = np.linalg.solve(lower, scale[:, None] * stiffness * scale)
-    reduced = np.linalg.solve(lower, half.T)
-    shapes = scale[:, None] * np.linalg.solve(lower.T, jacobi(0.5 * (reduced + reduced.T))[1])
+    lower = cholesky(scale[:, None] * mass * scale)
+    half = solve(lower, scale[:, None] * stiffness * scale)
+    reduced = solve(lower, half.T)
+    shapes = scale[:, None] * solve(lower.T, jacobi(0.5 * (reduced + reduced.T))[1])
     for _ in range(2):
-        gram, energy = shapes.T @ forms @ shapes
+        gram, energy = (product(shapes.T, form, shapes) for form in forms)
         defect = one - gram
         squares = energy.diagonal() / gram.diagonal()
         coupling = energy + squares * defect
         size, strength = np.abs(shapes), np.abs(coupling)
-        of_mass, of_stiffness = size.T @ sizes @ size
+        of_mass, of_stiffness = (product(size.T, form, size) for form in sizes)
         noise = of_stiffness + np.abs(squares) * of_mass
         gap = squares[None, :] - squares[:, None]
         real = (strength > 4.0 * n * EPSILON * noise) & (strength < 1e-3 * np.abs(gap))
@@ -226,11 +227,10 @@ def _known_modes(n: int, mass_entries: bytes, stiffness_entries: bytes) -> tuple
         correction = 0.5 * defect
         if real.any():
             correction = np.where(real, coupling / np.where(real, gap, 1.0), correction)
-        shapes = shapes + shapes @ correction
-    norms = np.einsum("ik,ij,jk->k", shapes, mass, shapes)
-    shapes = shapes / np.sqrt(norms)
-    squares = np.einsum("ik,ij,jk->k", shapes, stiffness, shapes)
-    rounding = 4.0 * n * EPSILON * np.einsum("ik,ij,jk->k", np.abs(shapes), sizes[1], np.abs(shapes))
+        shapes = shapes + product(shapes, correction)
+    shapes = shapes / np.sqrt(quadratic(mass, shapes))
+    squares = quadratic(stiffness, shapes)
+    rounding = 4.0 * n * EPSILON * quadratic(sizes[1], np.abs(shapes))
     squares[np.abs(squares) <= np.maximum(rounding, _SUBNORMAL)] = 0.0
     # In a free translation (square 0), an entry at rounding level in kinetic energy and in displacement is set to 0. A translation can
     # cover any distance, so rounding would move bodies that do not take part in it.
@@ -252,11 +252,10 @@ def reduced_blocks(
 ) -> Blocks:
     """The blocks of a system that moves along a basis (n, m), m > 0, with its matrices there (m, m). What is rounding in them is zero."""
     mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
-    rounding = 4.0 * len(basis) * EPSILON * np.abs(basis).T @ np.abs(system.damping) @ np.abs(basis)
+    rounding = 4.0 * len(basis) * EPSILON * product(np.abs(basis).T, np.abs(system.damping), np.abs(basis))
     damping = np.where(np.abs(damping) <= rounding, 0.0, damping)
     squares, shapes = undamped_modes(mass, stiffness)
-    size = np.abs(basis @ shapes)
-    scale = 8.0 * len(basis) * EPSILON * np.einsum("ik,ij,jk->k", size, np.abs(system.stiffness), size)
+    scale = 8.0 * len(basis) * EPSILON * quadratic(np.abs(system.stiffness), np.abs(product(basis, shapes)))
     return blocks_of(Matrices(mass, damping, stiffness), np.where(np.abs(squares) <= scale, 0.0, squares), shapes)
 
 
@@ -270,16 +269,26 @@ def energy_form(system: Matrices, rates: np.ndarray, shapes: np.ndarray) -> np.n
     """
     u, v = np.split(shapes, 2)
     damping = 0.5 * (system.damping + system.damping.T)
-    energy = (v.conj().T @ system.mass @ v + u.conj().T @ system.stiffness @ u).real
+    energy = _between(u.conj(), system.stiffness, u).real + _between(v.conj(), system.mass, v).real
     apart = rates.conj()[:, None] + rates
     np.fill_diagonal(apart, 1.0)
-    steady = -2.0 * (v.conj().T @ damping @ v) / apart
+    steady = -2.0 * _between(v.conj(), damping, v) / apart
     np.fill_diagonal(steady, energy.diagonal())
-    turning = -2.0 * (v.T @ damping @ v) / (rates[:, None] + rates)
+    turning = -2.0 * _between(v, damping, v) / (rates[:, None] + rates)
     amplitudes = np.kron(np.eye(len(rates)), [1.0, -1.0j])
-    lasting = (amplitudes.conj().T @ (0.25 * (steady + steady.conj().T)) @ amplitudes).real
-    other = (amplitudes.T @ (0.25 * (turning + turning.T)) @ amplitudes).real
+    lasting = _between(amplitudes.conj(), 0.25 * (steady + steady.conj().T), amplitudes).real
+    other = _between(amplitudes, 0.25 * (turning + turning.T), amplitudes).real
     return exact(lasting) + exact(other)
+
+
+def _between(left: np.ndarray, matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """left^T matrix right of complex columns."""
+    k, m = left.shape[1], right.shape[1]
+    found = np.zeros((k, m), dtype=complex)
+    for part, unit in ((matrix.real, 1.0), (matrix.imag, 1.0j)):
+        real = product(np.hstack([left.real, left.imag]).T, part, np.hstack([right.real, right.imag]))
+        found += unit * (real[:k, :m] - real[k:, m:] + 1j * (real[:k, m:] + real[k:, :m]))
+    return found
 
 
 def impulse_direction(form: np.ndarray, rate: np.ndarray) -> np.ndarray:
@@ -293,7 +302,7 @@ def impulse_direction(form: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """
     rounded, found = form.astype(float), exact(np.zeros(len(rate)))
     for _ in range(REFINEMENTS):
-        found = found + exact(np.linalg.solve(rounded, (rate - form @ found).astype(float)))
+        found = found + exact(solve(rounded, (rate - form @ found).astype(float)))
     return found / (rate @ found)
 
 

@@ -19,7 +19,6 @@ import numpy as np
 import saltus_core as core
 
 from bvp.closures import Cycle, deflated_motions
-from bvp.kernels.linearised import linearise
 from bvp.smooth_flights import flight_of, modal_energies
 
 __all__ = [
@@ -135,10 +134,7 @@ class LinearisedFlights(NamedTuple):
 def linearised_flights(flight: Any, before: np.ndarray, after: np.ndarray, duration: np.ndarray) -> LinearisedFlights:
     """The flights from the first nodes over the given durations (F,). before, after: states around each node, (P, N)."""
     before, after, duration = (np.ascontiguousarray(x, dtype=float) for x in (before, after, duration))
-    nodes, size = after.shape
-    found = LinearisedFlights(np.empty((len(duration), size, size)), np.empty((nodes, size)), np.empty((nodes, size)))
-    linearise(flight, after, duration, before, *found)
-    return found
+    return LinearisedFlights(*core.linearise(flight, after, duration, before))
 
 
 def floquet_multipliers(cycle: Cycle) -> Multipliers:

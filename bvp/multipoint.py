@@ -1,6 +1,6 @@
 """The multipoint boundary-value problem of an impacting orbit between two ends, or closed on itself.
 
-`MultipointProblem` binds a system, two ends and an impact sequence to the compiled kernels: residual and Jacobian, Newton's
+`MultipointProblem` binds a system, two ends and an impact sequence to the compiled core: residual and Jacobian, Newton's
 solution at a given energy or quarter period, and the step along the family with everything that is known of the point where it lands.
 """
 
@@ -15,16 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
-from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED
 from bvp.kernels.extrema import Observed
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, Segment
-from bvp.orbits import RESULT_INDEX, CoreOrbits, KernelOrbits, Solution, dense_jacobian, largest_growth
-from bvp.smooth_flights import modal_energies, smooth_flight, why_not_flown
+from bvp.kernels.multipoint import ORIGIN, PERIODIC
+from bvp.orbits import DIVERGED, GROWN, RESULT_INDEX, ROUNDS, SOLVED, UNSETTLED, Orbits, Solution
+from bvp.smooth_flights import modal_energies
 from bvp.system import ImpactSystem
 
 __all__ = [
-    "RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "dense_jacobian", "enough_pieces", "largest_growth",
-    "lost_digits", "observed_of",
+    "RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "enough_pieces", "lost_digits", "observed_of",
 ]  # fmt: skip
 
 GROWTH = 1e4
@@ -123,26 +121,9 @@ class MultipointProblem:
         self._two_dof = self.half == 2
 
     @cached_property
-    def orbits(self) -> CoreOrbits | KernelOrbits:
+    def orbits(self) -> Orbits:
         """What computes its orbits."""
-        return KernelOrbits(self) if self.is_smooth else CoreOrbits(self)
-
-    @cached_property
-    def segment(self) -> Segment:
-        """The problem as kernels know it."""
-        modes, contacts = self.modes, self.modes.contacts
-        of_contacts = contacts.gap, contacts.rate, contacts.push, 1.0 + contacts.restitution, contacts.bound, contacts.side
-        arrays = (
-            # contact -1, where nothing is hit, picks the zeros at the end
-            *(np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])[self.contacts] for rows in of_contacts),
-            *(self.start_map, self.start_offset, self.end_map, self.end_offset),
-            np.concatenate([modes.squares, np.ones(self.half)]),
-        )
-        if self.periodic and not self.sequence:
-            arrays[0][self.inner, self.half :] = 1.0
-        shape = np.array([self.inner, int(self.periodic), self.quarters, *self.kinds, modes.pace], dtype=np.int64)
-        flight = smooth_flight(self.system, self.inner + 3) if self.is_smooth else modes.flight
-        return Segment._make([flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
+        return Orbits(self)
 
     hit = cached_property(lambda self: frozenset(self.modes.contact_stop[self.contacts[self.contacts >= 0]].tolist()))
     held = cached_property(lambda self: held_motions(self.system, self.hit))
@@ -327,7 +308,7 @@ class MultipointProblem:
                 GROWN: f"grow ({previous:.1e} to {change:.1e} of the orbit's size)",
                 UNSETTLED: f"did not settle in {ROUNDS} steps (last one {previous:.1e})",
             }
-            limit = why_not_flown(self.segment.flight) if self.is_smooth else ""
+            limit = self.orbits.why_not_flown()
             raise NotConverged(f"Newton's corrections {reasons.get(outcome, 'did not settle')}" + (f"; {limit}" if limit else ""))
         return found
 

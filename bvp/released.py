@@ -186,7 +186,9 @@ class ReleasedProblem(ForcedProblem):
         contact_stop, opposite = (np.array(part, dtype=np.int64) for part in (modes.contact_stop, modes.contact_opposite))
         assert isinstance(self.segment.flight, LoadedFlight)
         contacts, flight = np.array(self.contacts, dtype=np.int64), self.segment.flight.free
-        period: FreePeriod = make_free_period(stops, contacts, contact_stop, opposite, flight, structure.segment)
+        bound = np.where(contacts >= 0, np.append(modes.contacts.bound, 0.0)[contacts], 0.0)
+        shape = np.array([structure.inner, int(structure.periodic), structure.quarters, *structure.kinds], dtype=np.int64)
+        period: FreePeriod = make_free_period(stops, contacts, contact_stop, opposite, flight, bound, shape)
         return period
 
     def _multipliers_of_system(self, y: np.ndarray) -> np.ndarray:

@@ -8,16 +8,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import saltus_core as core
 
 from bvp.checks import EPSILON
 from bvp.closures import Cycle, EndsError
-from bvp.kernels.paths import motion_at, turning_times
 from bvp.smooth_flights import flight_of
 
 __all__ = ["covers", "is_without_impacts", "nearest_maximum", "nearest_rise", "reversal_instants", "start_instants", "states_at"]
-
-MOST = 4096
-"""Most zeros along a piece of an orbit."""
 
 NEAR = 1e-9
 """Part of the period within which two instants are one."""
@@ -43,11 +40,10 @@ def _zeros(cycle: Cycle, row: np.ndarray) -> np.ndarray:
     """Instants in [0, T) at which row . z can be zero: where it changes its sign, and the nodes; ascending."""
     flight, matrix = flight_of(cycle.system), cycle.system.modes.matrix
     rows = np.array([row, row @ matrix, row @ matrix @ matrix])
-    times, work = np.empty(MOST), np.empty(len(row))
     found = [cycle.times]
     for begin, z, duration in zip(cycle.times, np.ascontiguousarray(cycle.after), cycle.duration.tolist(), strict=True):
-        count = turning_times(flight, rows, z, duration, times, work)
-        found.append(begin + times[: max(0, min(count, MOST))])
+        times = core.path(flight, z, duration).crossings(rows)
+        found += [begin + times] if times is not None else []
     period = cycle.period
     instants = np.concatenate(found) % period
     instants[instants > (1.0 - NEAR) * period] = 0.0
@@ -100,13 +96,12 @@ def nearest_rise(cycle: Cycle) -> float:
 def _nearest(cycle: Cycle, part: int, instants: np.ndarray) -> float | None:
     """The zero of a sum, see `_row`, that is nearest to the start, of those near such instants."""
     flight, row, period = flight_of(cycle.system), _row(cycle, part), cycle.period
-    state, change = np.empty_like(row), np.empty_like(row)
     for begun in sorted(instants.tolist(), key=lambda time: min(time, period - time)):
         i = int(np.searchsorted(cycle.times, begun, side="right")) - 1
-        begin, first = np.ascontiguousarray(cycle.after[i]), float(cycle.times[i])
+        path, first = core.path(flight, np.ascontiguousarray(cycle.after[i]), float(cycle.duration[i])), float(cycle.times[i])
         time = begun
         for _ in range(_ROUNDS):
-            motion_at(flight, begin, time - first, state, change)
+            state, change = path.motion(time - first)
             value, rate = float(row @ state), float(row @ change)
             step = -value / rate if rate != 0.0 else math.inf
             if not abs(time + step - begun) < _BESIDE * period:

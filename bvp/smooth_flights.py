@@ -1,6 +1,5 @@
-"""The flights of a conservative system in modal coordinates, with smooth forces or without.
-
-These are the arrays that the kernels take; states along the flights, and their energies."""
+"""The flights of a conservative system in modal coordinates, with smooth forces or without, as the compiled core has them: states along
+them, and their energies."""
 
 from __future__ import annotations
 
@@ -8,49 +7,92 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+import saltus_core as core
 
-from bvp.kernels.flight import Flight, sample_flights
-from bvp.kernels.taylor import Paths, SmoothFlight, fly_smooth, make_smooth_flight
+from bvp.dense import product
+from bvp.kernels.taylor import Paths
+from bvp.kernels.taylor import SmoothFlight as SmoothArrays
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from bvp.kernels.expressions import Program
+    from bvp.kernels.jets import JetProgram
+    from bvp.modes import Modes
     from bvp.system import ImpactSystem
 
-__all__ = ["flight_of", "loaded_steps", "modal_energies", "sample_path", "smooth_flight", "smooth_steps", "why_not_flown"]
+__all__ = [
+    "core_arrays", "core_flight", "flight_of", "loaded_steps", "make_flight", "modal_energies", "modal_rows", "sample_path", "smooth_steps",
+    "why_not_complete", "why_not_flown",
+]  # fmt: skip
 
-PIECES = 1, 8, 64, 512
-"""Parts in which a flight is computed where only its path is wanted."""
 
-
-def smooth_flight(system: ImpactSystem, flights: int) -> SmoothFlight:
-    """The flights of a conservative system with smooth forces, with room for the paths of so many.
+def make_flight(system: ImpactSystem) -> Any:
+    """The flights of a conservative system: a `LinearFlight` or `SmoothFlight` of the core, which keeps the last flights.
 
     The state is that of the modes of its linear part, u = Phi q: forces f along the rows d of the coordinates accelerate q by -(d Phi)^T f.
     """
+    if system.smooth_forces is None:
+        return _linear_flight(system.modes)
+    return core_flight(system)
+
+
+def core_flight(system: ImpactSystem, keep: int = 16) -> core.SmoothFlight:
+    """The flights of a system with smooth forces. keep: how many that were computed last are kept."""
     forces, modes = system.smooth_forces, system.modes
     assert forces is not None
-    n = system.degrees_of_freedom
-    inputs = np.hstack([forces.inputs[:, :n] @ modes.shapes, forces.inputs[:, n:] @ modes.shapes])
-    push = np.ascontiguousarray(-(forces.directions @ modes.shapes).T)
-    flight: SmoothFlight = make_smooth_flight(modes.matrix, inputs, push, forces.program(), forces.energy_program(), flights)
+    arrays = modes.matrix, *modal_rows(system), _weights(modes)
     if not forces.is_called:
-        return flight
-    from bvp.kernels.collocation import collocated
+        return core_arrays(*arrays, forces.program(), forces.energy_program(), keep)
+    called = forces.called_forces()
+    return core_arrays(*arrays, called.program, forces.energy_program(), keep, called.write, lambda at: called.energies(at)[0])
 
-    steps: SmoothFlight = collocated(flight)
-    return steps
+
+def core_arrays(
+    matrix: np.ndarray, inputs: np.ndarray, push: np.ndarray, weights: np.ndarray, program: JetProgram, potential: Program, keep: int = 16,
+    called: Callable[[np.ndarray, int], None] | None = None, energy: Callable[[np.ndarray], float] | None = None,
+    most_steps: int = core.MOST_TAYLOR_STEPS,
+) -> core.SmoothFlight:  # fmt: skip
+    """Flights of the core from their arrays: z' = B z (N, N), inputs (I, N), accelerations of unit forces (n, F), and the weights (N,) of
+    the quadratic part of twice the energy. called, energy: see `bvp.called_forces.CalledForces`."""
+    arrays = (np.ascontiguousarray(array, dtype=float) for array in (matrix, inputs, push, weights))
+    code = program.code if called is None else program.code[:0]
+    forces = code, program.numbers, program.forces, program.slopes, program.registers
+    return core.SmoothFlight(*arrays, *forces, potential.code, potential.constants, potential.outputs, keep, called, energy, most_steps)
+
+
+def modal_rows(system: ImpactSystem) -> tuple[np.ndarray, np.ndarray]:
+    """The inputs of the forces (I, N) and the accelerations of unit forces (n, F), in modal coordinates."""
+    forces, shapes, n = system.smooth_forces, system.modes.shapes, system.degrees_of_freedom
+    assert forces is not None
+    inputs = np.hstack([product(forces.inputs[:, :n], shapes), product(forces.inputs[:, n:], shapes)])
+    return inputs, np.ascontiguousarray(-product(forces.directions, shapes).T)
+
+
+@lru_cache(maxsize=64)
+def _linear_flight(modes: Modes) -> Any:
+    pairs, mean, delta, matrix = modes.flight
+    return core.LinearFlight(pairs, mean, delta, np.ascontiguousarray(matrix), _weights(modes))
+
+
+def _weights(modes: Modes) -> np.ndarray:
+    """H = sum(weights z^2)/2 without smooth forces, (N,)."""
+    return np.concatenate([modes.squares, np.ones(len(modes.squares))])
 
 
 @lru_cache(maxsize=8)
-def flight_of(system: ImpactSystem) -> Flight | SmoothFlight:
-    """The flights of a conservative system, for the kernels of `bvp.kernels.flights`. Shared by all who ask."""
-    return system.modes.flight if system.smooth_forces is None else smooth_flight(system, 2)
+def flight_of(system: ImpactSystem) -> Any:
+    """The same flights, shared by all who ask."""
+    return make_flight(system)
 
 
 def why_not_flown(flight: Any, begin: np.ndarray | None = None) -> str:
     """Where and why the flight that was computed last has no end; empty where it has one. flight: of any kind, under loads too. begin
-    (W + 1,): the node and the duration of another one that was computed."""
+    (W + 1,): under loads, the node and the duration of another one that was computed."""
+    if isinstance(flight, core.SmoothFlight):
+        return "" if flight.failure is None else why_not_complete(flight.failure, flight.is_called)
     flight = getattr(flight, "taylor", flight)
-    if not isinstance(flight, SmoothFlight):
+    if not isinstance(flight, SmoothArrays):
         return ""
     paths, slot = flight.paths, int(flight.paths.latest[0])
     if begin is not None:
@@ -59,10 +101,18 @@ def why_not_flown(flight: Any, begin: np.ndarray | None = None) -> str:
     if steps >= 0:
         return ""
     full = count == paths.coefficients.shape[1]
-    called = flight.stages.address != 0
+    return _why(paths.begins[slot, -1], paths.times[slot, count], count, full, flight.stages.address != 0)
+
+
+def why_not_complete(path: core.TaylorPath, called: bool = False) -> str:
+    """Where and why a flight has no end. called: whether the forces are a Python function."""
+    return _why(path.duration, path.times[-1], len(path.times) - 1, path.exhausted, called)
+
+
+def _why(duration: float, time: float, count: int, full: bool, called: bool) -> str:
     wrong = "the forces are no numbers, too large or not smooth there" if called else "the forces are too large or not smooth there"
     why = f"it takes more than {count} {'steps' if called else 'Taylor steps'}" if full else wrong
-    return f"a flight of time {paths.begins[slot, -1]:.4g} cannot be computed beyond the time {paths.times[slot, count]:.4g}: {why}"
+    return f"a flight of time {duration:.4g} cannot be computed beyond the time {time:.4g}: {why}"
 
 
 def smooth_steps(flight: Any, state: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
@@ -74,10 +124,10 @@ def smooth_steps(flight: Any, state: np.ndarray, duration: float) -> tuple[np.nd
     RuntimeError
         If the flight cannot be computed.
     """
-    if not fly_smooth(flight, 0, np.array(state, float), duration, False):
-        flight.paths.latest[0] = 0
-        raise RuntimeError(why_not_flown(flight))
-    return _kept_steps(flight.paths, 0)
+    path = flight.path(np.ascontiguousarray(state, dtype=float), duration)
+    if not path.complete:
+        raise RuntimeError(why_not_complete(path, flight.is_called))
+    return path.times, path.coefficients
 
 
 class _Flights(Protocol):
@@ -121,34 +171,9 @@ def modal_energies(system: ImpactSystem, states: np.ndarray) -> np.ndarray:
 
 def sample_path(system: ImpactSystem, begins: np.ndarray, flights: np.ndarray, times: np.ndarray, states: np.ndarray) -> None:
     """States (m, N) at times (m,), of flights that begin at times (P,), ascending, with states (P, N)."""
-    if system.smooth_forces is None:
-        sample_flights(system.modes.flight, begins, flights, times, states)
-    else:
-        _sample_smooth(system, begins, flights, times, states)
-
-
-def _sample_smooth(system: ImpactSystem, begins: np.ndarray, flights: np.ndarray, times: np.ndarray, states: np.ndarray) -> None:
-    """See `sample_path`.
-
-    Each flight is computed from one time to the next: in one piece, or, where it has too many steps for that, in more.
-    """
-    path = smooth_flight(system, 1)
-    place = np.searchsorted(begins, times, side="right") - 1
-    for k in range(len(begins)):
-        here, state = float(begins[k]), np.array(flights[k], float)
-        for i in sorted(np.flatnonzero(place == k), key=lambda i: times[i]):
-            ahead = float(times[i]) - here
-            if ahead > 0.0:
-                tried = (_flown(path, state, ahead, pieces) for pieces in PIECES)
-                state = next((found for found in tried if found is not None), np.full_like(state, np.nan))
-            here = float(times[i])
-            states[i] = state
-
-
-def _flown(path: SmoothFlight, state: np.ndarray, ahead: float, pieces: int) -> np.ndarray | None:
-    """The state after a time, in so many pieces; None where one has too many steps, or leaves where forces are known."""
-    for _ in range(pieces):
-        if not fly_smooth(path, 0, state, ahead / pieces, False):
-            return None
-        state = path.paths.ends[0].copy()
-    return state
+    flight = flight_of(system)
+    place = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
+    order = np.lexsort((times, place))
+    for chosen in np.split(order, np.flatnonzero(np.diff(place[order])) + 1) if len(order) else ():
+        k = int(place[chosen[0]])
+        states[chosen] = core.sample(flight, np.ascontiguousarray(flights[k], dtype=float), times[chosen] - begins[k])

@@ -12,11 +12,12 @@ from copy import copy
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bvp.checks import InvalidSystem
+from bvp.dense import solve
 from bvp.entries import exact
 from bvp.expressions import ExpressionError, not_too_deep, parsed
 from bvp.jet_programs import even_power, jet_program, plain_jet_program, plain_powers, signed_power
@@ -25,6 +26,9 @@ from bvp.kernels.jets import JetProgram
 from bvp.programs import program_of, with_numbers
 from bvp.springs import Damper, Element, Spring, is_nonlinear, is_symbolic
 from bvp.texts import shown
+
+if TYPE_CHECKING:
+    from bvp.called_forces import CalledForces
 
 __all__ = ["SmoothForces", "linear_part", "smooth_forces", "why_not_smooth"]
 
@@ -107,7 +111,7 @@ class SmoothForces:
 
     def push(self, mass: np.ndarray) -> np.ndarray:
         """The accelerations (n, F) of unit forces."""
-        return -np.linalg.solve(mass, self.directions.T)
+        return -solve(mass, self.directions.T)
 
     def program(self) -> JetProgram:
         """The program of the forces' jets (`bvp.jet_programs`)."""
@@ -126,10 +130,16 @@ class SmoothForces:
             return program_of([0], self.symbols)
         return with_numbers(_energy_program(self._potential, (*self.symbols, *self.parameters)), self.numbers)
 
+    def called_forces(self) -> CalledForces:
+        """The functions of forces that are called."""
+        from bvp.called_forces import called_forces
+
+        return called_forces(self.forces, self.symbols, self.potential, self.parameters, self.numbers, _function)
+
     def _called_program(self) -> tuple[JetProgram, Program]:
         from bvp.called_forces import called_program
 
-        return called_program(self.forces, self.symbols, self.potential, self.parameters, self.numbers, _function)
+        return called_program(self.called_forces(), self.parameters)
 
     @cached_property
     def is_called(self) -> bool:

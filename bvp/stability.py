@@ -204,7 +204,7 @@ def chain_half_map(problem: MultipointProblem, solution: Solution) -> tuple[np.n
     times, ends = problem.flight_times(solution.y), solution.ends
     kinds, held, contact = tuple(map(int, problem.kinds)), problem.held, problem.contacts
     if problem.is_smooth:
-        linear = linearised_flights(problem.segment.flight, np.vstack([states[:1], ends]), np.vstack([states, ends[-1:]]), times)
+        linear = linearised_flights(problem.orbits.flight, np.vstack([states[:1], ends]), np.vstack([states, ends[-1:]]), times)
         reach = math.sqrt(2.0 * problem.energy(solution.y))
         phi, magnified = given_chain(problem.system).half_map_of_maps(kinds, held, *linear, contact, reach)
     else:

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import saltus_core as core
 
 from branches.catalogue.rows import Edge, EventOrbit
 from branches.presentation import (
@@ -28,7 +29,6 @@ from branches.search.known import Boxes, Kind, boxes_between
 from branches.sequences import PERIODIC, Ends, ImpactSequence, format_ends, impacts_per_period
 from bvp.checks import require_branch
 from bvp.closures import cycle_of
-from bvp.kernels.paths import motion_at, state_at
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.smooth_flights import flight_of, modal_energies, sample_path
 
@@ -331,7 +331,7 @@ def distances_from_orbit(problem: MultipointProblem, y: np.ndarray, states: Iter
     begins, durations = cycle.after, cycle.duration
     signs = (1.0, -1.0) if problem.system.has_odd_symmetry else (1.0,)
     back = np.concatenate([np.ones(half), -np.ones(half)])
-    state, rate = np.empty(2 * half), np.empty(2 * half)
+    paths = [core.path(flight, begin, duration) for begin, duration in zip(begins, durations.tolist(), strict=True)]
     times = np.linspace(0.0, 1.0, _SAMPLES)
     track = np.empty((len(durations), _SAMPLES, 2 * half))
     for i, duration in enumerate(durations):
@@ -346,12 +346,11 @@ def distances_from_orbit(problem: MultipointProblem, y: np.ndarray, states: Iter
         for i, j in zip(*_dips(away, path), strict=True):
             t = times[j] * durations[i]
             for _ in range(8):
-                motion_at(flight, begins[i], float(t), state, rate)
+                state, rate = paths[i].motion(float(t))
                 last, t = t, min(max(t + rate @ (image - state) / (rate @ rate), 0.0), durations[i])
                 if t == last:
                     break
-            state_at(flight, begins[i], float(t), state)
-            best = min(best, float(np.linalg.norm(state - image)))
+            best = min(best, float(np.linalg.norm(paths[i].state(float(t)) - image)))
         return best
 
     out = []

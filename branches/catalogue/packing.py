@@ -220,7 +220,7 @@ def _speeds(columns: Columns, problem: MultipointProblem) -> np.ndarray:
     """Impact speeds of exact flights from the start over the flight times; NaN for a system with damping."""
     if problem.pieces > 1:
         problem = type(problem)(problem.system, problem.ends, problem.sequence)  # what a reader has
-    segment, mean = problem.segment, problem.modes.mean
+    contacts, mean = problem.modes.contacts, problem.modes.mean
     start = np.concatenate([columns["start_u"], columns["start_v"]], axis=1)
     # Term by term: the last bits of a matrix product depend on the machine.
     state = np.array([sum(start[:, j] * row[j] for j in range(problem.size)) for row in problem.modes.from_state]).T
@@ -229,8 +229,9 @@ def _speeds(columns: Columns, problem: MultipointProblem) -> np.ndarray:
     for i in range(problem.inner + 1) if not mean.any() else ():
         ends[:, i] = _flown(problem, state, times[:, i])
         if i < problem.inner:
-            rate = sum(ends[:, i, j] * segment.gap_rate[i, j] for j in range(problem.size))
-            state = ends[:, i] - (segment.jump[i] * rate)[:, None] * segment.push[i]
+            hit = problem.contacts[i]
+            rate = sum(ends[:, i, j] * contacts.rate[hit, j] for j in range(problem.size))
+            state = ends[:, i] - ((1.0 + contacts.restitution[hit]) * rate)[:, None] * contacts.push[hit]
     return impact_speeds(problem, starts, ends)
 
 

@@ -12,9 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from bvp.description import RESERVED
-from bvp.forced import ForcedProblem
+from bvp.forced import ForcedProblem, dense_jacobian
 from bvp.forced_metric import position_slopes
-from bvp.multipoint import dense_jacobian
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised
 

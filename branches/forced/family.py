@@ -111,11 +111,11 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         arguments = problem.segment, np.empty(problem.unknowns), problem._factor.before, self._work, result, targets, result
         singular = np.array([test.singular for test in self.tests])
         address = forced_tests.entry(*arguments).address
-        return WatchedTests(np.array(kinds_of(self.tests)), singular, self._work.limits, targets, address, self._work)
+        return WatchedTests(np.array(kinds_of(self.tests)), singular, targets, address, self._work)
 
     @cached_property
     def _steps(self) -> KernelSteps:
-        return KernelSteps(self.problem, self._watched, self.problem.compiled(), (advance_forced_block, narrow_forced_bracket, None))
+        return KernelSteps(self.problem, self._watched, self.problem.compiled(), advance_forced_block, narrow_forced_bracket)
 
     def symmetries(self, y: np.ndarray) -> list[Symmetry]:
         """See `continuation.Problem`: the same orbit half a period later, or its mirror image there, where its impacts are the same."""

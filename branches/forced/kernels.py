@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from branches.kernels.blocks import advance, first_tests
+from branches.kernels.blocks import advance
 from branches.kernels.brackets import narrow
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import inlined, kernel
-from bvp.kernels.forced import LoadedSegment
+from bvp.kernels.compiled import kernel
 from bvp.kernels.stroboscopic import Stroboscopic, stroboscopic_tests
 
 __all__ = ["PLAIN", "ForcedWork", "advance_forced_block", "forced_tests", "narrow_forced_bracket"]
@@ -49,12 +48,6 @@ def forced_tests(segment, y, ends, work, result, targets, out):
         out[8] = math.nan
     for i in range(targets.shape[0]):
         out[PLAIN + i] = value - targets[i]
-
-
-@first_tests.of(LoadedSegment)
-@inlined
-def no_first_tests(segment, result, limits, out):
-    """All are computed by `forced_tests`."""
 
 
 @kernel

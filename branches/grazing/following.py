@@ -16,7 +16,6 @@ from branches.presentation import is_solved_as_it_is
 from branches.sequences import Ends, impacts_per_period
 from branches.tracing import follow_family
 from bvp.checks import require_branch
-from bvp.kernels.step import locate, metric_direction
 from bvp.multipoint import MultipointProblem
 from bvp.texts import brief, takes_options_of
 from continuation.problem import Step
@@ -268,7 +267,7 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
     displacement = np.max(np.abs(problem.end_states(y)[:, : problem.half]), initial=np.max(np.abs(problem.start(y)[: problem.half])))
     size = np.repeat([displacement, speed], problem.half)
     nodes = np.tile(size, (problem.inner, 1))
-    scale = np.abs(problem.pack(size + problem.segment.start_offset, nodes, np.full(len(times), np.sum(times))))
+    scale = np.abs(problem.pack(size + problem.start_offset, nodes, np.full(len(times), np.sum(times))))
     scale[scale == 0.0] = 1.0
     start, largest = y, float(np.max(size))
     for attempt in range(4):
@@ -299,9 +298,7 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
 def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str]) -> list[Step]:
     """Orbits next to the grazing one in a direction, as far from it as the probes go on being orbits; if none, the reason into `sides`."""
     problem = family.problem
-    position, change = np.empty((2, problem.size + 2))
-    energy, alpha = locate(problem.segment, y, position)
-    _, length = metric_direction(problem.segment, y, position, energy, alpha, np.ascontiguousarray(direction), change)
+    length = problem.orbits.length(y, direction)
     if not length > 0.0:
         sides.append("the orbit does not change with the first impulses")
         return []

@@ -13,11 +13,11 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+import saltus_core as core
 
 from branches.presentation import closed_presentation, pattern_of
 from branches.sequences import PERIODIC, Ends, ImpactSequence
 from bvp.closures import Cycle, cycle_of
-from bvp.kernels.paths import motion_at, state_at, turning_times
 from bvp.multipoint import MultipointProblem
 from bvp.smooth_flights import flight_of, modal_energies
 from bvp.system import ImpactSystem
@@ -30,8 +30,6 @@ sqrt(2h). Events are located far better, and other turning points are far away."
 
 _SAME = 1e-7
 """States, as parts of the largest, and times, as parts of the period, that are the same."""
-
-_TURNS = 4096
 
 _FAR = 1e5
 """A turning point that is so many times farther from a stop than the largest distance of a touch is none."""
@@ -120,9 +118,8 @@ class Touching:
         local = time % self.period
         i = int(np.searchsorted(self.times, local, side="right")) - 1
         elapsed = local - self.times[i] if i >= 0 else local + self.period - self.times[-1]
-        out = np.empty(self.after.shape[1])
-        state_at(flight_of(self.system), self.after[i], float(elapsed), out)
-        return out
+        state: np.ndarray = core.path(flight_of(self.system), self.after[i].copy(), float(elapsed)).state(float(elapsed))
+        return state
 
     def at(self, time: float) -> int | None:
         """The instant at a time, if there is one."""
@@ -253,31 +250,24 @@ def touching(problem: MultipointProblem, y: np.ndarray) -> Touching:
 
 def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: float) -> Iterator[tuple[int, float, np.ndarray]]:
     """(contact, time, state) of the turning points of each gap along a flight that are at a stop."""
-    contacts, flight = system.modes.contacts, flight_of(system)
-    times, state, change, work = np.empty(_TURNS), np.empty(len(z)), np.empty(len(z)), np.empty(len(z))
-    z = np.ascontiguousarray(z)
-
-    def bend_at(time: float) -> float:
-        """The second derivative of the gap at a time, whose state is kept."""
-        motion_at(flight, z, time, state, change)
-        return float(speed @ change)
-
+    contacts, path = system.modes.contacts, core.path(flight_of(system), np.ascontiguousarray(z), float(duration))
     for contact, rows in enumerate(_derivatives(system)):
         side, bound = float(contacts.side[contact]), float(contacts.bound[contact])
         gap, speed = rows[:2]
-        found = turning_times(flight, rows[1:], z, duration, times, work)
-        for time in times[: min(found, _TURNS)].tolist():
-            slope = bend_at(time)
+        turns = path.crossings(rows[1:])
+        for time in turns.tolist() if turns is not None else ():
+            state, change = path.motion(time)
             # A gap hardly changes beside its turning point.
             if abs(bound - float(gap @ state)) > _FAR * tolerance:
                 continue
             for _ in range(3):
-                if slope != 0.0:
-                    time -= float(speed @ state) / slope
-                slope = bend_at(time)
+                bend = float(speed @ change)
+                if bend != 0.0:
+                    time -= float(speed @ state) / bend
+                state, change = path.motion(time)
             distance = side * (bound - float(gap @ state))
-            if abs(distance) < tolerance and side * slope < 0.0:
-                yield contact, time, state.copy()
+            if abs(distance) < tolerance and side * float(speed @ change) < 0.0:
+                yield contact, time, state
 
 
 @lru_cache(maxsize=16)

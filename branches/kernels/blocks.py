@@ -12,18 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.kernels.control import arclength_of, distance, height, may_hide, next_step, refusal, watch
-from branches.kernels.functions import common_tests, is_orbit, two_dof_tests
+from branches.kernels.functions import is_orbit
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import call_at, chosen, inlined, short_loops
+from bvp.kernels.compiled import call_at, inlined
 from bvp.kernels.flight import set_1
-from bvp.kernels.multipoint import Segment
 from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL
 
-__all__ = [
-    "Beginning", "Block", "GoalPlane", "TestedPoint", "WatchedTests", "advance", "advance_block", "first_tests", "land_tested",
-    "tested_step",
-]  # fmt: skip
+__all__ = ["Beginning", "Block", "GoalPlane", "TestedPoint", "WatchedTests", "advance", "land_tested"]
 
 _distance = inlined(distance)
 _height = inlined(height)
@@ -33,8 +29,6 @@ _next_step = inlined(next_step)
 _may_hide = inlined(may_hide)
 _watch = inlined(watch)
 _is_orbit = inlined(is_orbit)
-_common_tests = inlined(common_tests)
-_two_dof_tests = inlined(two_dof_tests)
 
 
 class Block(NamedTuple):
@@ -54,9 +48,8 @@ class WatchedTests(NamedTuple):
 
     kinds: np.ndarray  # of `continuation.control.kinds_of`
     singular: np.ndarray  # size below which a sign is rounding
-    limits: np.ndarray  # of `first_tests`: (4,) bounds of the energy's logarithm, and of the quarter period's; noise of the tangent
-    targets: np.ndarray  # traces at which periods multiply
-    general: int  # address of `general_tests`, `periodic_tests` or `branches.forced.kernels.forced_tests`; 0: `two_dof_tests`
+    targets: np.ndarray  # values of the parameter that are events
+    tests: int  # address of `branches.forced.kernels.forced_tests`
     work: Any  # what it needs
 
 
@@ -99,31 +92,13 @@ def _tried(count, ds, waiting, initial):
     return count, 1, ds
 
 
-@chosen
-def first_tests(packed, result, limits, out):
-    """The test functions that are computed before the `general` ones of `WatchedTests`."""
-
-
-@first_tests.of(Segment)
-@inlined
-def first_conservative_tests(packed, result, limits, out):
-    """See `common_tests`."""
-    _common_tests(result, limits[0], limits[1], limits[2], limits[3], out)
-
-
-@short_loops
-def tested_step(compiled, most, watched, y, tangent, ds, metric, point):
-    """See `land_tested`; metric (4, N + 2): scratch."""
-    return land_tested(compiled, most, watched, y, tangent, ds, metric, point)
-
-
 @inlined
 def land_tested(compiled, most, watched, y, tangent, ds, metric, point):
     """Fill the `TestedPoint` that a step of length ds from an orbit leads to. Returns whether it is an orbit; else
     its test functions are not set.
 
     compiled: `CompiledProblem`; where its second address is 0, the fold is the only test. most: iterations of the correction."""
-    addresses, packed, factor, observed, work, period = compiled
+    addresses, packed, factor, observed, work = compiled
     new, ahead, position, ends, result, values = point
     full = addresses[1] != 0
     set_1(result, np.nan)
@@ -135,27 +110,15 @@ def land_tested(compiled, most, watched, y, tangent, ds, metric, point):
             ends[i, r] = factor.before[i, r]
     if full:
         call_at(addresses[1], (packed, observed, new, ends, work, result))
-        if addresses[2] != 0:
-            call_at(addresses[2], (packed, new, ends, period, result))
     for r in range(position.shape[0]):
         position[r] = metric[0, r]
     if not _is_orbit(result):
         return False
     if full:
-        first_tests(packed, result, watched.limits, values)
-        if watched.general == 0:
-            _two_dof_tests(result, packed.shape, watched.targets, values)
-        else:
-            call_at(watched.general, (packed, new, ends, watched.work, result, watched.targets, values))
+        call_at(watched.tests, (packed, new, ends, watched.work, result, watched.targets, values))
     else:
         values[0] = result[entry.SLOPE]
     return True
-
-
-@short_loops
-def advance_block(compiled, most, control, watched, beginning, goal, ds, metric, block):
-    """See `advance`."""
-    return advance(compiled, most, control, watched, beginning, goal, ds, metric, block)
 
 
 @inlined

@@ -13,14 +13,14 @@ import numpy as np
 from branches.kernels.blocks import TestedPoint, WatchedTests, land_tested
 from branches.kernels.control import may_hide
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import inlined, kernel, short_loops
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.flight import copy_1
 from continuation.between import cubic_between, goes_aside
 from continuation.bracketing import MOST_INTERPOLATED, inverse_interpolation, is_slow, next_place
 from continuation.resolution import longest_division, nodes_around, scan, second_differences
 
 __all__ = [
-    "MOST", "PASSED_OVER", "REFUSED", "BracketWork", "Departure", "Known", "Sought", "make_bracket", "narrow", "narrow_bracket",
+    "MOST", "PASSED_OVER", "REFUSED", "BracketWork", "Departure", "Known", "Sought", "make_bracket", "narrow",
     "scan_tests",
 ]  # fmt: skip
 
@@ -177,12 +177,6 @@ def narrow(departure, low, high, sought, samples, block):
         copy_1(point.y, samples.near[end])
         copy_1(samples.work, samples.slopes[end])
     return 0, LANDED
-
-
-@short_loops
-def narrow_bracket(departure, low, high, sought, samples, block):
-    """See `narrow`."""
-    return narrow(departure, low, high, sought, samples, block)
 
 
 @kernel

@@ -25,11 +25,10 @@ from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
 from branches.sequences import parse_sequence
 from branches.tracing import follow_family
-from bvp.kernels.taylor import fly_smooth
 from bvp.multipoint import LARGEST, MultipointProblem, NotConverged, Solution, enough_pieces
 from bvp.resting import Rest, has_constant_force, rest_position, resting_system
 from bvp.saddles import REACHED, approached
-from bvp.smooth_flights import smooth_flight
+from bvp.smooth_flights import make_flight
 from bvp.system import ImpactSystem
 
 __all__ = ["FORM", "ModeName", "orbit_at_mode", "parse_mode"]
@@ -230,10 +229,10 @@ def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, flo
 def _through_origin(problem: MultipointProblem, energy: float) -> Solution:
     """The orbit of an energy through the origin, in one degree of freedom, whatever its linear part. A motion that has not turned after a
     time comes to rest later; that time is doubled, then halved between."""
-    flight, start = smooth_flight(problem.system, 1), np.array([0.0, math.sqrt(2.0 * energy)])
+    flight, start = make_flight(problem.system), np.array([0.0, math.sqrt(2.0 * energy)])
 
     def goes_on(time: float) -> bool:
-        return bool(fly_smooth(flight, 0, start, time, False)) and flight.paths.ends[0][1] > 0.0
+        return bool(flight.end(start, time)[1] > 0.0)
 
     later = SHORTEST
     while goes_on(later):

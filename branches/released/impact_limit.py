@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+import saltus_core as core
 
 from branches.admissible import unphysical
 from branches.orbit import Orbit
@@ -20,7 +21,6 @@ from branches.order import in_tied_order
 from branches.released.branch import ReleasedBranch
 from bvp.closures import EndsError
 from bvp.kernels.multipoint import STOP
-from bvp.kernels.paths import motion_at, turning_times
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 from bvp.parameters import ParametricSystem
 from bvp.stiff_springs import StiffSpring, stiff_limit
@@ -31,9 +31,6 @@ __all__ = ["NEAREST", "Contact", "ImpactLimit", "impact_limit", "impact_limits"]
 
 NEAREST = 0.005
 """The least value of 1/n at which smooth orbits stand for the limit: the terms that are left out are of its square, 2.5e-5."""
-
-_TURNS = 256
-"""Most turning points of a gap in a flight."""
 
 _AT_END = 1e-9
 """Part of a flight within which a turning point is that at its begin or end: at rest a gap turns there to rounding."""
@@ -194,25 +191,24 @@ def _spring(letter: str, system: ImpactSystem, springs: Sequence[StiffSpring]) -
 def _contacts(orbit: Orbit, limit: ImpactSystem, springs: Sequence[StiffSpring]) -> Iterator[Contact]:
     """The contacts of a smooth orbit in the solved segment, in order of time."""
     problem, y = orbit.problem, orbit.solution.y
-    system, modes, flight = problem.system, problem.modes, problem.segment.flight
+    system, modes, flight = problem.system, problem.modes, problem.orbits.flight
     n, first = system.degrees_of_freedom, len(system.stops)
     starts, times = [problem.start(y), *problem.nodes(y)], problem.flight_times(y)
     begins = np.concatenate([[0.0], np.cumsum(times)])
     rows = [np.concatenate([spring.row, np.zeros(n)]) @ modes.to_state for spring in springs]
-    turns, state, change, work = np.empty(_TURNS), np.empty(2 * n), np.empty(2 * n), np.empty(2 * n)
     for i, (z, duration) in enumerate(zip(starts, times.tolist(), strict=True)):
-        z = np.ascontiguousarray(z)
+        path = core.path(flight, np.ascontiguousarray(z), duration)
         # A closed orbit ends where it starts, and a flight where the next one does.
         edges = [0.0, duration] if i == problem.inner and not problem.periodic else [0.0]
         found: list[tuple[float, Contact]] = []
         for k, (spring, gap) in enumerate(zip(springs, rows, strict=True)):
             derivatives = np.array([gap @ np.linalg.matrix_power(modes.matrix, order) for order in (1, 2, 3)])
-            count = turning_times(flight, derivatives, z, duration, turns, work)
-            if not 0 <= count <= _TURNS:
+            turns = path.crossings(derivatives)
+            if turns is None:
                 raise NotConverged(f"the turning points of a spring could not be found in flight {i + 1}")
             near = _AT_END * duration
-            for time in [*(time for time in turns[:count].tolist() if near < time < duration - near), *edges]:
-                motion_at(flight, z, time, state, change)
+            for time in [*(time for time in turns.tolist() if near < time < duration - near), *edges]:
+                state, change = path.motion(time)
                 w, bend = float(gap @ state), float(derivatives[0] @ change)
                 if time in edges and abs(float(derivatives[0] @ state)) > near * abs(bend):
                     continue

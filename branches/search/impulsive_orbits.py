@@ -184,7 +184,7 @@ def solve_impulsive(problem: MultipointProblem, y: np.ndarray) -> Solution:
     n = system.degrees_of_freedom
     y = np.array(y, dtype=float)
     row = np.zeros(problem.unknowns)
-    row[: problem.parameters] = system.modes.to_state[n + system.absorber] @ problem.segment.start_map
+    row[: problem.parameters] = system.modes.to_state[n + system.absorber] @ problem.start_map
     row /= math.sqrt(2.0 * problem.energy(y))
     for _ in range(4):
         good, worst = problem.correct(y, row, 0.0, 20)

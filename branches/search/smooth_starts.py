@@ -15,13 +15,11 @@ from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
+import saltus_core as core
 
 from branches.search.starts import ScannedSegment
-from bvp.kernels.paths import turning_times
-from bvp.kernels.smooth import least_values
-from bvp.kernels.taylor import fly_smooth
 from bvp.multipoint import observed_of
-from bvp.smooth_flights import smooth_flight
+from bvp.smooth_flights import make_flight
 from bvp.system import ImpactSystem
 
 __all__ = ["SmoothSampler"]
@@ -30,7 +28,7 @@ SAMPLES = 4
 """Parts of a Taylor step in which an extremum is looked for."""
 
 MOST = 2000
-"""Most extrema of a flight, and most impacts of a motion."""
+"""Most impacts of a motion."""
 
 PIECES = 40
 """Most pieces in which a long motion is computed."""
@@ -81,13 +79,12 @@ class SmoothSampler:
         self.longest = quarter_period * (2.0 if end == "origin" else 1.0)
         self.impacts = impacts
         self.modes = system.modes
-        self.flight = smooth_flight(system, 1)
+        self.flight = make_flight(system)
         self.simulator = None
         if system.stops:
             from bvp.simulate import Simulator
 
             self.simulator = Simulator(system)
-        self.found = np.zeros(MOST), np.zeros(MOST)
         self.half_waves = None if system.stops else half_waves
         self.velocities = observed_of(system).rows[-2:, :3].copy()
 
@@ -162,27 +159,28 @@ class SmoothSampler:
         times: list[np.ndarray] = []
         values: list[np.ndarray] = []
         gone = 0.0
-        path = self.flight.paths
         piece = longest if self.half_waves is None else longest * FIRST
         waves = np.zeros(2)
         for _ in range(PIECES):
             left = min(piece, longest - gone)
-            while not fly_smooth(self.flight, 0, state, left, False):
+            state = np.ascontiguousarray(state)
+            while (slowest := core.slowest_instants(self.flight, state, left, self.end == "origin", SAMPLES)) is None:
                 left *= 0.5
                 if left < 1e-6 * longest:
                     return np.concatenate([*times, np.zeros(0)]), np.concatenate([*values, np.zeros(0)])
-            count = least_values(self.flight, 0, self.end == "origin", SAMPLES, *self.found)
-            times.append(gone + self.found[0][:count])
-            values.append(self.found[1][:count].copy())
+            times.append(gone + slowest[0])
+            values.append(slowest[1])
             gone += left
             if gone >= longest * (1.0 - 1e-12):
                 break
             if self.half_waves is not None:
-                waves += [turning_times(self.flight, rows, state, left, self.found[0], np.empty(4)) for rows in self.velocities]
+                path = core.path(self.flight, state, left)
+                turns = [path.crossings(rows) for rows in self.velocities]
+                waves += [0 if times is None else len(times) for times in turns]
                 if np.any(waves > self.half_waves):
                     break
                 piece = 2.0 * left
-            state = path.ends[0].copy()
+            state = slowest[2]
         return np.concatenate(times), np.concatenate(values)
 
     def _narrowed(

@@ -54,8 +54,8 @@ struct Arc {
     double arrived[2] = {0.0, 0.0};  // first and last time of arrival,
     double left[2] = {0.0, 0.0};     // and of the start of the flight that arrives
     // bounds: of the differences of the derivatives from the parabola through theirs, and of the values from cubics
-    double error[3], miss[3];
-    double box[3][2];  // lowest and highest s, v and n
+    double error[3] = {}, miss[3] = {};
+    double box[3][2] = {};  // lowest and highest s, v and n
     bool modelled = false;  // the points are those of a longer arc's cubics
     double grain = 0.0;  // rounding of the starts, in u
 

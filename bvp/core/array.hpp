@@ -115,6 +115,12 @@ void copy(const A& from, B&& to) {
     for (int r = 0; r < size; ++r) to[r] = from[r];
 }
 
+inline Array<> copy_of(Matrix<const double> matrix) {
+    Array<> out(matrix.rows(), matrix.columns());
+    std::copy(matrix.data(), matrix.data() + size_t(matrix.rows()) * matrix.columns(), out.data());
+    return out;
+}
+
 /// a . b, in the order of the entries.
 template <class A, class B>
 auto dot(const A& a, const B& b) {

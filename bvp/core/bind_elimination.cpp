@@ -8,12 +8,20 @@ void bind_elimination(nb::module_& m) {
     using Elimination = BlockElimination<>;
     nb::class_<Elimination>(m, "BlockElimination",
                             "Orthogonal elimination of a block-bidiagonal Jacobian, equation (32).")
-        .def(nb::init<int, int, int, int, bool>(), nb::arg("blocks"), nb::arg("block_size"), nb::arg("start"),
-             nb::arg("closers"), nb::arg("couples"))
+        .def(
+            "__init__",
+            [](Elimination* self, int blocks, int block_size, int start, int closers, bool couples) {
+                for (int each : {blocks, block_size, start, closers}) require_index("a size", each, 300);
+                if (block_size < 1 || start < 1 || closers < 1 || start > closers + 1)
+                    throw nb::value_error("a block has equations and unknowns");
+                new (self) Elimination(blocks, block_size, start, closers, couples);
+            },
+            nb::arg("blocks"), nb::arg("block_size"), nb::arg("start"), nb::arg("closers"), nb::arg("couples"))
         .def(
             "factorise",
-            [](Elimination& self, InMatrix jacobian, int blocks, int block_size, InVector least) {
+            [](Elimination& self, InMatrix jacobian, InVector least) {
                 const Matrix<const double> entries = view(jacobian);
+                const int blocks = self.blocks(), block_size = self.block_size();
                 require_size("unknowns", entries.columns(), self.unknowns());
                 require_size("equations", entries.rows(), self.unknowns() - 1);
                 require_size("lengths", least.shape(0), entries.rows() - blocks * block_size);
@@ -22,6 +30,8 @@ void bind_elimination(nb::module_& m) {
                     for (int c = 0; c < entries.columns(); ++c) {
                         const int i = row / block_size, e = row % block_size;
                         if (entries(row, c) == 0.0) continue;
+                        if (i < blocks && !self.has(i, c))
+                            throw nb::value_error("a matrix has an entry outside the pattern");
                         if (i >= blocks) self.closing(c)[row - blocks * block_size] = entries(row, c);
                         else self.entries(i, c)[e] = entries(row, c);
                     }

@@ -64,6 +64,7 @@ void bound_values(BoundFamily& self, InVector y, InMatrix ends, InVector point, 
     require_size("states", ends.size(), (self.problem.problem->inner() + 1) * self.problem.problem->size());
     require_size("a point", point.shape(0), POINT_SIZE);
     require_size("test functions", out.shape(0), self.settings.computed);
+    if (self.settings.computed == 1) throw nb::value_error("this family has no test function but the fold");
     self.problem.problem->test_values(self.settings, view(y), {ends.data(), ends.size()}, Point::read(point.data()),
                                       view(out));
 }
@@ -100,8 +101,8 @@ std::tuple<int, int> bound_narrow(BoundFamily& self, InVector y, InVector tangen
     self.check(high_y, high_slope, 1);
     if (test < 0 || test >= self.settings.computed) throw nb::value_error("there is no such test function");
     require_size("values", values.size(), places.size());
-    if (length != length && (at < 1 || at >= int(places.size())))
-        throw nb::value_error("a zero is between two samples");
+    const bool samples = length != length || out_y.shape(0) > 1;
+    if (samples && (at < 1 || at >= int(places.size()))) throw nb::value_error("a zero is between two samples");
     const Rows block(self.problem, self.settings, out_y, out_tangent, out_position, out_ends, out_point, out_tests,
                      out_lengths);
     const auto known = [u = self.problem.unknowns()](double s, const InVector& at_y, const InVector& slope) {
@@ -142,6 +143,9 @@ void bind_family(nb::module_& m) {
                double low, double high, double longest, double tangent_noise, std::vector<double> targets, int computed,
                int maximum) {
                 require_size("singular", singular.size(), kinds.size());
+                if (computed != 1) require_size("test functions", computed, problem.problem->tests(int(targets.size())));
+                if (int(kinds.size()) > computed) throw nb::value_error("more test functions are watched than computed");
+                require_iterations(maximum);
                 new (self) BoundFamily(problem, {{kinds_of(kinds), std::move(singular)},
                                                  {low, high, longest, tangent_noise, std::move(targets)},
                                                  computed,
@@ -157,6 +161,19 @@ void bind_family(nb::module_& m) {
              "Take steps into a block: (accepted, whether the next row was tried, next length).")
         .def("narrow", &bound_narrow, Released(),
              "Take a step between two, or close in on a zero: (steps, how it ended).");
+    m.attr("COMMON_TESTS") = COMMON_TESTS;
+    m.attr("TANGENT_NOISE") = TANGENT_NOISE;
+    m.attr("SMOOTH_TANGENT_NOISE") = SMOOTH_TANGENT_NOISE;
+    m.def(
+        "common_tests",
+        [](InVector point, double low, double high, double longest, double tangent_noise) {
+            require_size("a point", point.shape(0), POINT_SIZE);
+            NewVector out = new_vector(COMMON_TESTS);
+            common_tests(Point::read(point.data()), {low, high, longest, tangent_noise, {}}, {out.data(), COMMON_TESTS});
+            return out;
+        },
+        nb::arg("point"), nb::arg("low"), nb::arg("high"), nb::arg("longest"), nb::arg("tangent_noise"),
+        "The test functions that every family has.");
     m.def("distance", [](const std::vector<double>& a, const std::vector<double>& b) {
         require_size("a position", b.size(), a.size());
         return distance(a, b);

@@ -15,15 +15,24 @@ LinearFlight<N> make_flight(InPairs pairs, InVector mean, InVector delta, InMatr
     require_size("mean", mean.shape(0), count);
     require_size("delta", delta.shape(0), count);
     require_size("weights", weights.shape(0), size);
-    if (b.columns() != size || (N != DYNAMIC && size != N)) throw nb::value_error("the matrix of a flight is square");
+    if (b.columns() != size || size < 1 || (N != DYNAMIC && size != N))
+        throw nb::value_error("the matrix of a flight is square");
+    if (pairs.shape(1) != 2) throw nb::value_error("a block has two indices");
     std::vector<Block> blocks;
+    std::vector<int> blocks_of(size, 0);
     for (int k = 0; k < count; ++k) {
-        const int i = int(pairs.data()[2 * k]), j = int(pairs.data()[2 * k + 1]);
-        if (i < 0 || i >= size || j >= size || (j < 0 && i - j > size)) throw nb::value_error("a block is outside the matrix");
-        Block block{i, j, mean.data()[k], delta.data()[k], 0.0, 0.0, 0.0, 0.0};
+        const int64_t first = pairs.data()[2 * k], second = pairs.data()[2 * k + 1];
+        if (first < 0 || first >= size || second >= size || second < -size || (second < 0 && first - second > size))
+            throw nb::value_error("a block is outside the matrix");
+        const int i = int(first), j = int(second);
+        for (int r = i; r < (j < 0 ? i - j : i + 1); ++r) ++blocks_of[r];
+        if (j >= 0) ++blocks_of[j];
+        Block block{i, j, mean.data()[k], delta.data()[k]};
         if (j >= 0) block.b11 = b(i, i), block.b12 = b(i, j), block.b21 = b(j, i), block.b22 = b(j, j);
         blocks.push_back(block);
     }
+    for (int number : blocks_of)
+        if (number != 1) throw nb::value_error("each entry of a state is in one block");
     return LinearFlight<N>(std::move(blocks), own(matrix), own(weights));
 }
 

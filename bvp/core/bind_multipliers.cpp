@@ -48,7 +48,7 @@ public:
           scaled_(scaled),
           modal_(!given && is_modal(flight)),
           chain_(flight.size(), modal_),
-          floquet_(flight.size(), view(free), conservative),
+          floquet_(flight.size(), checked(flight, contacts, free, conservative), conservative),
           scale_(flight.size(), 1.0) {
         if (flight.size() == 4 && modal_ && conservative && free.shape(0) == 0) pair_.emplace(flight);
     }
@@ -57,6 +57,7 @@ public:
     nb::tuple multipliers(InMatrix before, InMatrix after, InVector duration, InIndices contact, bool product) {
         const Nodes nodes = checked(view(before), view(after), view(duration), contact);
         if (scaled_) set_scale(nodes, floquet_.is_conservative() ? flight_.twice_energy(nodes.after[0]) : 0.0, scale_);
+        else std::fill(scale_.begin(), scale_.end(), 1.0);
         if (pair_) {
             pair_->chain.set(pair_->flight, contacts_, nodes);
             return found(pair_->chain, pair_->floquet, product);
@@ -67,6 +68,8 @@ public:
 
     /// The same from the maps of its flights.
     nb::tuple multipliers_of_maps(InCube maps, InMatrix coming, InMatrix leaving, InIndices contact, InVector scale) {
+        require_size("maps", maps.shape(0), coming.shape(0));
+        if (coming.shape(0) < 1) throw nb::value_error("received an orbit without nodes");
         set_maps(maps, coming, leaving, contact);
         require_size("scale", scale.shape(0), scale_.size());
         copy(view(scale), scale_);
@@ -78,6 +81,7 @@ public:
                                   InMatrix ends, InIndices contact) {
         const Matrix<const double> z = view(states), last = view(ends);
         const int flights = z.rows();
+        if (flights < 1) throw nb::value_error("received an orbit without flights");
         require_size("times", times.shape(0), flights);
         require_size("ends", last.rows(), flights);
         require_size("the states", z.columns(), flight_.size());
@@ -97,6 +101,7 @@ public:
     nb::tuple half_map_of_maps(std::array<int, 2> kinds, InMatrix held, InCube maps, InMatrix coming, InMatrix leaving,
                                InIndices contact, double reach) {
         const int flights = int(maps.shape(0));
+        if (flights < 1) throw nb::value_error("received an orbit without flights");
         const std::vector<int> hit = contacts_of(contact, flights + 1);
         std::vector<int64_t> inner(flights + 1, -1);
         for (int i = 1; i < flights; ++i) inner[i] = hit[i - 1];
@@ -107,13 +112,7 @@ public:
 private:
     struct Pair {
         explicit Pair(const LinearFlight<>& from)
-            : flight(from.blocks(), Array<>(4, 4), {from.weights().begin(), from.weights().end()}),
-              floquet(4, {nullptr, 0, 2}, true) {
-            for (int r = 0; r < 4; ++r)
-                for (int c = 0; c < 4; ++c) entries(r, c) = from.matrix()(r, c);
-            flight = LinearFlight<4>(from.blocks(), entries, {from.weights().begin(), from.weights().end()});
-        }
-        Array<> entries{4, 4};
+            : flight(from), floquet(4, {nullptr, 0, 2}, true) {}
         LinearFlight<4> flight;
         Chain<4> chain;
         Floquet<4, 2> floquet;
@@ -129,6 +128,12 @@ private:
             route = floquet.factored(chain, contacts_, scale_);
         }
         const auto& spectrum = floquet.found();
+        if (route > Route::FACTORED) {  // what is there is of an earlier orbit
+            const std::vector<double> unknown(spectrum.count(), NOT_A_NUMBER);
+            Array<> nothing(spectrum.count(), spectrum.count(), NOT_A_NUMBER);
+            return nb::make_tuple(int(route), complex_vector(unknown, unknown), floquet.trivial(), NOT_A_NUMBER,
+                                  numpy_matrix(nothing), floquet.steps());
+        }
         return nb::make_tuple(int(route), complex_vector(spectrum.real, spectrum.imaginary), floquet.trivial(),
                               spectrum.pairing, numpy_matrix(spectrum.matrix), floquet.steps());
     }
@@ -141,10 +146,22 @@ private:
             if (End(kinds[e]) == End::STOP && hit[e ? flights - 1 : flights] < 0)
                 throw nb::value_error("a stop end has a contact");
         require_size("held", held.shape(1), flight_.size() / 2);
+        if (pairs < 0 || held.shape(0) > held.shape(1) || (held.shape(1) == 2 && pairs != 1) || flight_.size() % 2 != 0)
+            throw nb::value_error("a half map is of one to all motions, and of two if there are two");
         Dense<> phi(2 * pairs);
         const HalfEnd<End> start{End(kinds[0]), hit[flights]}, finish{End(kinds[1]), hit[flights - 1]};
         const double magnified = saltus::half_map(chain_, contacts_, start, finish, view(held), reach, phi);
         return nb::make_tuple(numpy_matrix(phi), magnified);
+    }
+
+    /// The free motions, where all sizes agree.
+    static Matrix<const double> checked(const LinearFlight<>& flight, const Contacts& contacts, const InMatrix& free,
+                                        bool conservative) {
+        require_size("a contact's row", contacts.gap.columns(), flight.size());
+        require_size("free motions", free.shape(1), flight.size() / 2);
+        if (conservative && (flight.size() % 2 != 0 || 2 + 2 * int(free.shape(0)) > flight.size()))
+            throw nb::value_error("too many motions are free");
+        return view(free);
     }
 
     void check_contact(int64_t contact) const {
@@ -199,6 +216,8 @@ private:
 }  // namespace
 
 void bind_multipliers(nb::module_& m) {
+    m.attr("FORMED_LIMIT") = FORMED_LIMIT;
+    m.attr("GRADE") = GRADE;
     nb::class_<SystemChain>(m, "Chain", "Linearised orbits of one system: flights and impacts.")
         .def(nb::init<const LinearFlight<>&, const Contacts&, InMatrix, bool, bool, bool>(), nb::arg("flight"),
              nb::arg("contacts"), nb::arg("free"), nb::arg("conservative"), nb::arg("scaled"), nb::arg("given") = false)
@@ -216,6 +235,8 @@ void bind_multipliers(nb::module_& m) {
         "section_basis",
         [](InVector direction, InMatrix held) {
             require_size("the direction", direction.shape(0), held.shape(1));
+            if (held.shape(0) < 1 || held.shape(0) > held.shape(1) || (held.shape(1) == 2 && held.shape(0) != 2))
+                throw nb::value_error("a section is of one to all motions, and of two if there are two");
             Dense<> out(int(held.shape(0)) - 1, int(held.shape(1)));
             section_basis(view(direction), view(held), out);
             return numpy_matrix(out);
@@ -294,6 +315,7 @@ void bind_multipliers(nb::module_& m) {
     m.def(
         "singular_values",
         [](InMatrix matrix) {
+            if (matrix.shape(1) < 1) throw nb::value_error("the matrix has no columns");
             Array<> a = own(matrix);
             NewVector out = new_vector(a.rows());
             if (!singular_values(a, Vector<double>(out.data(), a.rows())))
@@ -322,6 +344,7 @@ void bind_multipliers(nb::module_& m) {
             const int count = int(factors.shape(0)), size = int(factors.shape(1));
             require_size("inverse", inverse.shape(0), count);
             require_size("columns", factors.shape(2), size);
+            if (size < 1) throw nb::value_error("the factors have no entries");
             if (count == 0 || inverse.data()[count - 1] != 0) throw nb::value_error("the last factor is no inverse");
             ProductChain<> chain(size);
             chain.begin(count);

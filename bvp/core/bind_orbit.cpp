@@ -26,6 +26,7 @@ bool bound_step(BoundProblem& self, InVector y, InVector tangent, double ds, int
                 OutVector out_tangent, OutVector out_position, OutMatrix out_ends, OutVector out_point) {
     require_size("unknowns", y.shape(0), self.unknowns());
     if (tangent.shape(0) < 2 * self.unknowns()) require_size("a tangent", tangent.shape(0), 2 * self.unknowns());
+    require_iterations(maximum);
     const Landing landing = landing_of(self, out_y, out_tangent, out_position, out_ends, out_point);
     Point point;
     const bool found = self.problem->step(view(y), view(tangent), ds, maximum, full, landing, point);
@@ -37,6 +38,7 @@ bool bound_correct(BoundProblem& self, InVector y, InVector row, double target, 
                    OutVector out_tangent, OutVector out_position, OutMatrix out_ends, OutVector out_point) {
     require_size("unknowns", y.shape(0), self.unknowns());
     require_size("a row", row.shape(0), self.unknowns());
+    require_iterations(maximum);
     const Landing landing = landing_of(self, out_y, out_tangent, out_position, out_ends, out_point);
     Point point;
     const bool found = self.problem->correct(view(y), view(row), target, maximum, landing, point);
@@ -56,12 +58,32 @@ std::tuple<int, double, double> bound_solve(BoundProblem& self, InVector y, doub
     return found;
 }
 
+nb::tuple bound_unfold(BoundProblem& self, InVector y) {
+    require_size("unknowns", y.shape(0), self.unknowns());
+    Period period;
+    self.problem->unfold(view(y), period);
+    const Nodes nodes = period.nodes();
+    std::vector<int> node(period.node().begin(), period.node().end());
+    return nb::make_tuple(numpy_of(nodes.before), numpy_of(nodes.after), numpy_of(nodes.duration), node, period.lead());
+}
+
+nb::tuple bound_course(BoundProblem& self, InVector y, InVector tangent) {
+    require_size("unknowns", y.shape(0), self.unknowns());
+    require_size("a tangent", tangent.shape(0), self.unknowns());
+    const int size = self.problem->size() + 2;
+    NewVector position = new_vector(size), direction = new_vector(size);
+    const Course found = self.problem->course(view(y), view(tangent), {position.data(), size_t(size)},
+                                              {direction.data(), size_t(size)});
+    return nb::make_tuple(position, direction, found.energy, found.alpha, found.change, found.length);
+}
+
 bool bound_meet(BoundProblem& self, InVector position, double near, int most, InVector y, InVector tangent,
                 OutVector out_y, OutVector out_tangent, OutVector out_position, OutMatrix out_ends,
                 OutVector out_point) {
     require_size("unknowns", y.shape(0), self.unknowns());
     if (tangent.shape(0) < self.unknowns()) require_size("a tangent", tangent.shape(0), self.unknowns());
     require_size("a position", position.shape(0), self.problem->size() + 2);
+    require_iterations(most);
     const Landing landing = landing_of(self, out_y, out_tangent, out_position, out_ends, out_point);
     return self.problem->meet_position(view(position), near, most, view(y), view(tangent).first(self.unknowns()),
                                        landing);
@@ -81,31 +103,38 @@ NewVector bound_derivative(BoundProblem& self, InVector y, InMatrix directions) 
     return out;
 }
 
+/// The constructor for one kind of flight.
+template <class Flight, class Class>
+void define_constructor(Class& bound) {
+    bound.def(
+        "__init__",
+        [](BoundProblem* self, const Flight& flight, const Contacts& contacts, InIndices contact,
+           std::pair<int, int> ends, int quarters, int pace, InMatrix start_map, InVector start_offset,
+           InMatrix end_map, InVector end_offset, InMatrix observed, InVector lower, InVector upper, InMatrix held,
+           InMatrix free, bool general) {
+            for (int end : {ends.first, ends.second})
+                if (end < 0 || end > int(End::PERIODIC)) throw nb::value_error("unknown kind of end");
+            Closure closure{End(ends.first), End(ends.second), quarters,          pace,
+                            own(start_map),  own(end_map),     own(start_offset), own(end_offset)};
+            new (self) BoundProblem(flight, contacts, {contact.data(), contact.data() + contact.shape(0)},
+                                    std::move(closure),
+                                    Watch{{own(observed), own(lower), own(upper)}, own(held), own(free), general});
+        },
+        nb::arg("flight"), nb::arg("contacts"), nb::arg("contact"), nb::arg("ends"), nb::arg("quarters"),
+        nb::arg("pace"), nb::arg("start_map"), nb::arg("start_offset"), nb::arg("end_map"), nb::arg("end_offset"),
+        nb::arg("observed"), nb::arg("lower"), nb::arg("upper"), nb::arg("held"), nb::arg("free"),
+        nb::arg("general") = false,
+        "general: take what is compiled for any number of states, and holds for it, also where there are four.");
+}
+
 }  // namespace
 
 void bind_orbit(nb::module_& m) {
     m.attr("POINT_NAMES") = nb::cast(std::vector<std::string>(POINT_NAMES.begin(), POINT_NAMES.end()));
-    nb::class_<BoundProblem>(m, "OrbitProblem", "The multipoint problem of an impacting orbit, equation (30).")
-        .def(
-            "__init__",
-            [](BoundProblem* self, const LinearFlight<>& flight, const Contacts& contacts, InIndices contact,
-               std::pair<int, int> ends, int quarters, int pace, InMatrix start_map, InVector start_offset,
-               InMatrix end_map, InVector end_offset, InMatrix observed, InVector lower, InVector upper, InMatrix held,
-               InMatrix free, bool general) {
-                for (int end : {ends.first, ends.second})
-                    if (end < 0 || end > int(End::PERIODIC)) throw nb::value_error("unknown kind of end");
-                Closure closure{End(ends.first), End(ends.second), quarters,          pace,
-                                own(start_map),  own(end_map),     own(start_offset), own(end_offset)};
-                new (self) BoundProblem(flight, contacts, {contact.data(), contact.data() + contact.shape(0)},
-                                        std::move(closure),
-                                        Watch{{own(observed), own(lower), own(upper)}, own(held), own(free)}, general);
-            },
-            nb::arg("flight"), nb::arg("contacts"), nb::arg("contact"), nb::arg("ends"), nb::arg("quarters"),
-            nb::arg("pace"), nb::arg("start_map"), nb::arg("start_offset"), nb::arg("end_map"), nb::arg("end_offset"),
-            nb::arg("observed"), nb::arg("lower"), nb::arg("upper"), nb::arg("held"), nb::arg("free"),
-            nb::arg("general") = false,
-            "general: take what is compiled for any number of states, also where there are four.")
-        .def_prop_ro("unknowns", &BoundProblem::unknowns)
+    nb::class_<BoundProblem> bound(m, "OrbitProblem", "The multipoint problem of an impacting orbit, equation (30).");
+    define_constructor<LinearFlight<>>(bound);
+    define_constructor<SmoothFlight<>>(bound);
+    bound.def_prop_ro("unknowns", &BoundProblem::unknowns)
         .def(
             "residual",
             [](BoundProblem& self, InVector y) {
@@ -136,6 +165,28 @@ void bind_orbit(nb::module_& m) {
                 return out;
             },
             nb::arg("y"), "Typical size of each unknown.")
+        .def(
+            "growth",
+            [](BoundProblem& self, InVector y) {
+                require_size("unknowns", y.shape(0), self.unknowns());
+                return self.problem->growth(view(y));
+            },
+            nb::arg("y"), "The largest factor by which perturbations grow along a flight.")
+        .def("unfold", &bound_unfold, nb::arg("y"),
+             "The nodes of the full period: states before and after them, the durations of the flights that follow, the node of the "
+             "problem that each is an image of, and the time to the first one.")
+        .def("course", &bound_course, nb::arg("y"), nb::arg("tangent"),
+             "(position, direction along a tangent, energy, quarter period, change of the energy, length of the direction).")
+        .def(
+            "constraint_row",
+            [](BoundProblem& self, InVector y, InVector direction) {
+                require_size("unknowns", y.shape(0), self.unknowns());
+                require_size("a direction", direction.shape(0), self.problem->size() + 2);
+                NewVector out = new_vector(int(self.unknowns()));
+                self.problem->constraint_row(view(y), view(direction), {out.data(), self.unknowns()});
+                return out;
+            },
+            nb::arg("y"), nb::arg("direction"), "The row r with r . dy = <direction, change of the position along dy>.")
         .def(
             "end_states",
             [](BoundProblem& self, InVector y) {

@@ -19,6 +19,10 @@ struct Arcs {
     std::vector<Arc> list;
 };
 
+/// A search and what it is of, for Python.
+using BoundScan = Exclusive<IntervalScan>;
+using BoundMeetings = Exclusive<MeetingSearch>;
+
 NewMatrix matrix_of(const std::array<ArcPoint, 3>& points, std::array<double, 3> ArcPoint::* member) {
     NewMatrix out = new_matrix(3, 3);
     for (int i = 0; i < 3; ++i)
@@ -70,11 +74,11 @@ void bind_shooting(nb::module_& m) {
              }, nb::arg("mode"), nb::arg("z"), nb::arg("horizon"), nb::arg("order"))
         .def("scan",
              [](const PlanarSystem& self, FarEnd kind, InMatrix starts, const std::vector<bool>& wanted, double longest,
-                nb::ndarray<int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> contacts, OutMatrix times,
-                    OutMatrix residuals, OutMatrix nodes,
-                OutMatrix instants) {
+                OutIndices contacts, OutMatrix times, OutMatrix residuals, OutMatrix nodes, OutMatrix instants) {
                  const int count = int(starts.shape(0)), flights = int(wanted.size()), inner = flights - 1;
                  require_size("a start", starts.shape(1), 4);
+                 if (wanted.empty() || times.shape(1) < 1 || kind == MIDDLE)
+                     throw nb::value_error("a scan is of a far end, with room for its crossings");
                  require_size("contacts", contacts.size(), size_t(count) * flights);
                  for (const OutMatrix* each : {&times, &residuals}) {
                      require_size("rows", each->shape(0), size_t(count) * flights);
@@ -167,25 +171,27 @@ void bind_intervals(nb::module_& m) {
     nb::class_<Opening>(m, "Opening")
         .def_ro("theta", &Opening::theta).def_ro("width", &Opening::width).def_ro("flight", &Opening::flight)
         .def_ro("reason", &Opening::reason);
-    nb::class_<IntervalScan>(m, "IntervalScan", "An adaptive scan of a curve of starts.")
+    nb::class_<BoundScan>(m, "IntervalScan", "An adaptive scan of a curve of starts.")
         .def("__init__",
-             [](IntervalScan* self, const Starts& starts, const std::array<double, 4>& times, 
-                const std::array<int, 4>& impacts, bool fold,
-                double longest, double latest, int most) {
-                 new (self) IntervalScan(StartSearch{starts, times, impacts, fold, longest, latest, most});
+             [](BoundScan* self, const Starts& starts, const std::array<double, 4>& times,
+                const std::array<int, 4>& impacts, bool fold, double longest, double latest, int most) {
+                 if (most < 0) throw nb::value_error("the most impacts are negative");
+                 new (self) BoundScan(StartSearch{starts, times, impacts, fold, longest, latest, most});
              },
              nb::arg("starts"), nb::arg("times"), nb::arg("impacts"), nb::arg("fold"), nb::arg("longest"),
-                 nb::arg("latest"), nb::arg("most"))
-        .def("begin", &IntervalScan::begin, nb::arg("low"), nb::arg("high"), nb::arg("map"), nb::arg("budget"),
-             Unlocked())
-        .def("go", &IntervalScan::go, nb::arg("passes"), Unlocked(),
-             "Scan on for about so many flights. Returns whether it is done.")
-        .def_ro("crossings", &IntervalScan::crossings)
-        .def_ro("openings", &IntervalScan::openings)
+             nb::arg("latest"), nb::arg("most"))
+        .def("begin",
+             [](BoundScan& self, double low, double high, const StartMap& map, int budget) {
+                 self.alone([&] { self.begin(low, high, map, budget); });
+             },
+             nb::arg("low"), nb::arg("high"), nb::arg("map"), nb::arg("budget"), Unlocked())
+        .def("go", [](BoundScan& self, int passes) { return self.alone([&] { return self.go(passes); }); },
+             nb::arg("passes"), Unlocked(), "Scan on for about so many flights. Returns whether it is done.")
+        .def_prop_ro("crossings", [](BoundScan& self) { return self.alone([&] { return self.crossings; }); })
+        .def_prop_ro("openings", [](BoundScan& self) { return self.alone([&] { return self.openings; }); })
         .def("take_arcs",
-             [](IntervalScan& self, int curve, int gone, double since) {
-                 Arcs out{std::move(self.arcs)};
-                 self.arcs.clear();
+             [](BoundScan& self, int curve, int gone, double since) {
+                 Arcs out{self.alone([&] { return std::exchange(self.arcs, {}); })};
                  for (Arc& arc : out.list) {
                      arc.curve = curve;
                      arc.impacts += gone;
@@ -196,22 +202,30 @@ void bind_intervals(nb::module_& m) {
              nb::arg("curve"), nb::arg("gone"), nb::arg("since"),
              "The arcs found, as those of a numbered curve with impacts and time before its starts.")
         .def_prop_ro("counts",
-                     [](const IntervalScan& self) {
-                         const IntervalCounts& c = self.counts;
-                         return Numbers{{"starts", c.starts}, {"split", c.split}, {"closed", c.closed},
-                             {"grazings", c.grazings},
-                                        {"open", c.open}, {"at_grazing", c.at_grazing}, {"budget", c.budget}};
+                     [](BoundScan& self) {
+                         const IntervalCounts c = self.alone([&] { return self.counts; });
+                         return Numbers{{"starts", c.starts},     {"split", c.split}, {"closed", c.closed},
+                                        {"grazings", c.grazings}, {"open", c.open},   {"at_grazing", c.at_grazing},
+                                        {"budget", c.budget}};
                      })
         .def("verdict",
-             [](const IntervalScan& self, int k, const std::vector<FlightRecord>& a,
-                const std::vector<FlightRecord>& middle,
-                const std::vector<FlightRecord>& b, double r, double grain) {
+             [](const BoundScan& self, int k, const std::vector<FlightRecord>& a,
+                const std::vector<FlightRecord>& middle, const std::vector<FlightRecord>& b, double r, double grain) {
+                 if (k < 0) throw nb::value_error("the flights count from 0");
                  Followed one{a, int(a.size()), {}}, two{middle, int(middle.size()), {}}, three{b, int(b.size()), {}};
                  Crossings found;
                  return flight_verdict(self.search(), k, {{&one, 1.0}, {&two, 1.0}, {&three, 1.0}, r, grain}, found);
              },
              nb::arg("k"), nb::arg("a"), nb::arg("middle"), nb::arg("b"), nb::arg("r"), nb::arg("grain"),
              "The verdict on flight k of an interval of half width r, from its ends and its middle.");
+}
+
+/// Refuse an arc of a curve that a search does not have.
+void check_arc(const MeetingSearch& search, const Arc& arc) {
+    require_index("the number of a curve", arc.curve, search.curves());
+    const int after = arc.impacts - search.gone(arc.curve);
+    if (after < 0 || (after == 0 && search.contact(arc.curve) < 0))
+        throw nb::value_error("an arc has fewer impacts than are before its curve");
 }
 
 void bind_meetings(nb::module_& m) {
@@ -252,6 +266,7 @@ void bind_meetings(nb::module_& m) {
         });
     m.def("stop_arcs",
           [](const Starts& starts, const std::vector<double>& edges, bool fold, int curve) {
+              if (starts.contact < 0) throw nb::value_error("these starts are at no stop");
               Arcs out;
               for (size_t i = 1; i < edges.size(); ++i) {
                   out.list.push_back(stop_arc(starts, edges[i - 1], edges[i], fold));
@@ -261,33 +276,47 @@ void bind_meetings(nb::module_& m) {
           },
           nb::arg("starts"), nb::arg("edges"), nb::arg("fold"), nb::arg("curve"), "The starts at a stop as arcs.");
     m.def("boxes_apart", &boxes_apart);
-    m.def("are_apart", [](const Arc& a, const Arc& b, const Chart& chart) { return are_apart(a, b, chart); });
-    m.def("turn_between", [](const Arc& a, const Arc& b, const Chart& chart) {
+    const auto checked = [](const Chart& chart) {
+        for (int c : chart) require_index("a coordinate", c, 3);
+    };
+    m.def("are_apart", [checked](const Arc& a, const Arc& b, const Chart& chart) {
+        checked(chart);
+        return are_apart(a, b, chart);
+    });
+    m.def("turn_between", [checked](const Arc& a, const Arc& b, const Chart& chart) {
+        checked(chart);
         return turn_between(Hull(a, chart, false), Hull(b, chart, true));
     });
-    nb::class_<MeetingSearch>(m, "MeetingSearch", "Meetings of arcs with mirror images of arcs.")
+    nb::class_<BoundMeetings>(m, "MeetingSearch", "Meetings of arcs with mirror images of arcs.")
         .def("__init__",
-             [](MeetingSearch* self, std::vector<Starts> curves, std::vector<int> gone, InMatrix times,
+             [](BoundMeetings* self, std::vector<Starts> curves, std::vector<int> gone, InMatrix times,
                 InPairs impacts, bool fold, int room) {
                  const size_t count = curves.size();
                  require_size("gone", gone.size(), count);
                  require_size("times", times.size(), count * count);
                  require_size("impacts", impacts.size(), count * count);
+                 for (int each : gone)
+                     if (each < 0) throw nb::value_error("a number of impacts is negative");
                  Array<int> inner{int(count), int(count)};
                  std::copy(impacts.data(), impacts.data() + impacts.size(), inner.data());
-                 new (self) MeetingSearch(std::move(curves), std::move(gone), own(times), std::move(inner), fold, room);
+                 new (self) BoundMeetings(std::move(curves), std::move(gone), own(times), std::move(inner), fold, room);
              },
              nb::arg("curves"), nb::arg("gone"), nb::arg("times"), nb::arg("impacts"), nb::arg("fold"), nb::arg("room"))
         .def("run",
-             [](MeetingSearch& self, const std::vector<Arcs*>& lists) {
+             [](BoundMeetings& self, const std::vector<const Arcs*>& lists) {
                  std::vector<Arc> all;
-                 for (const Arcs* arcs : lists) all.insert(all.end(), arcs->list.begin(), arcs->list.end());
+                 for (const Arcs* arcs : lists) {
+                     if (!arcs) throw nb::value_error("received None in the place of arcs");
+                     all.insert(all.end(), arcs->list.begin(), arcs->list.end());
+                 }
+                 for (const Arc& arc : all) check_arc(self, arc);
                  nb::gil_scoped_release release;
-                 self.run(all);
+                 self.alone([&] { self.run(all); });
              },
              nb::arg("arcs"))
         .def("follow_arc",
-             [](const MeetingSearch& self, const Arc& arc, double u) {
+             [](const BoundMeetings& self, const Arc& arc, double u) {
+                 check_arc(self, arc);
                  Followed record;
                  const MeetingSearch::FollowedPoint found = self.follow_arc(arc, u, record);
                  record.flights.resize(record.count);
@@ -296,16 +325,17 @@ void bind_meetings(nb::module_& m) {
              nb::arg("arc"), nb::arg("u"),
                  "(whether it arrives in the box, the point, its derivative, the flights) of the start at u.")
         .def_prop_ro("counts",
-                     [](const MeetingSearch& self) {
-                         const MeetingCounts& c = self.counts;
-                         return Numbers{{"met", int(self.meetings.size())}, {"pairs", c.pairs}, {"halved", c.halved},
+                     [](BoundMeetings& self) {
+                         const auto [c, met] = self.alone([&] { return std::pair(self.counts, self.meetings.size()); });
+                         return Numbers{{"met", int(met)}, {"pairs", c.pairs}, {"halved", c.halved},
                                         {"undecided", c.undecided}, {"tried", c.tried}};
                      })
         .def("meetings",
-             [](const MeetingSearch& self) {
-                 const int count = int(self.meetings.size());
+             [](BoundMeetings& self) {
+                 const std::vector<Meeting> meetings = self.alone([&] { return self.meetings; });
+                 const int count = int(meetings.size());
                  size_t most = 0;
-                 for (const Meeting& each : self.meetings)
+                 for (const Meeting& each : meetings)
                      most = std::max(most, each[0].durations.size() + each[1].durations.size());
                  NewMatrix theta = new_matrix(count, 2), impacts = new_matrix(count, 2), curves = new_matrix(count, 2);
                  NewMatrix durations = new_matrix(count, int(most)), contacts = new_matrix(count, int(most));
@@ -314,7 +344,7 @@ void bind_meetings(nb::module_& m) {
                  for (int i = 0; i < count; ++i) {
                      size_t at = i * most;
                      for (int side = 0; side < 2; ++side) {
-                         const MeetingHalf& half = self.meetings[i][side];
+                         const MeetingHalf& half = meetings[i][side];
                          theta.data()[2 * i + side] = half.theta;
                          impacts.data()[2 * i + side] = half.impacts;
                          curves.data()[2 * i + side] = half.curve;

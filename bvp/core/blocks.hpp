@@ -29,7 +29,8 @@ struct Block {
     int second;      // index j of a pair; -1: a single index; -s: the s >= 3 indices from i on
     double mean;     // half the trace of a pair; the rate of a single index
     double delta;    // of a pair B = mean + D with D^2 = delta, in 1/time^2
-    double b11, b12, b21, b22;  // entries of a pair
+    double b11 = 0.0, b12 = 0.0, b21 = 0.0, b22 = 0.0;  // entries of a pair
+    double root = std::sqrt(std::fabs(delta));
 
     bool is_pair() const { return second >= 0; }
     bool is_single() const { return second == -1; }
@@ -52,22 +53,25 @@ struct RealRates {
     explicit RealRates(const Block& block) : RealRates(block.mean, block.delta, block.determinant()) {}
 };
 
-/// C = cosh(sqrt(delta) t) and S = sinh(sqrt(delta) t)/sqrt(delta) of equation (23), continued through delta <= 0.
+/// C = cosh(sqrt(delta) t) and S = sinh(sqrt(delta) t)/sqrt(delta) of equation (23), continued through delta <= 0. root: sqrt(|delta|).
 template <class T>
-inline void circular(double delta, const T& t, T& c, T& s) {
+inline void circular(double delta, double root, const T& t, T& c, T& s) {
     const T x = delta * t * t;
     if (std::fabs(value(x)) < SERIES_LIMIT) {
         c = 1.0 + x / 2.0 * (1.0 + x / 12.0 * (1.0 + x / 30.0 * (1.0 + x / 56.0 * (1.0 + x / 90.0 * (1.0 + x / 132.0)))));
         s = t * (1.0 + x / 6.0 * (1.0 + x / 20.0 * (1.0 + x / 42.0 * (1.0 + x / 72.0 * (1.0 + x / 110.0 * (1.0 + x / 156.0))))));
     } else if (delta < 0.0) {
-        const double w = std::sqrt(-delta);
-        sincos(w * t, s, c);
-        s = s / w;
+        sincos(root * t, s, c);
+        s = s / root;
     } else {
-        const double w = std::sqrt(delta);
-        c = cosh(w * t);
-        s = sinh(w * t) / w;
+        c = cosh(root * t);
+        s = sinh(root * t) / root;
     }
+}
+
+template <class T>
+inline void circular(double delta, const T& t, T& c, T& s) {
+    circular(delta, std::sqrt(std::fabs(delta)), t, c, s);
 }
 
 /// exp(mean t) C and exp(mean t) S of a pair whose rates have the given product; equation (23) with two real rates taken apart.
@@ -95,8 +99,8 @@ template <class T>
 inline Square2<T> flow_pair(const Block& b, const T& t) {
     T c, s;
     if (b.delta < 0.0) {
-        const double w = std::sqrt(-b.delta), half = 0.5 * (b.b11 - b.b22);
-        circular(-1.0, w * t, c, s);
+        const double w = b.root, half = 0.5 * (b.b11 - b.b22);
+        circular(-1.0, 1.0, w * t, c, s);
         s = s / w;
         if (b.mean != 0.0) {
             const T decay = exp(b.mean * t);

@@ -63,32 +63,42 @@ public:
         for (int r = 0; r < half; ++r) out[r] = -leaving(j)[half + r], out[half + r] = leaving(j)[r];
     }
 
-    /// Make room for so many nodes.
-    void begin(int nodes) {
+    /// Make room for so many nodes. same: the orbit before, whose maps are kept.
+    void begin(int nodes, bool same = false) {
         nodes_ = nodes;
+        if (!same) maps_count_ = 0;
+        nearest_ = 0;
+        if (const size_t room = size_t(maps_count_) + nodes; times_.size() < room) {
+            maps_.resize(room * stride());
+            times_.resize(room);
+        }
         if (int(contact_.size()) >= nodes) return;
         for (auto* rows : {&coming_, &leaving_, &late_}) rows->resize(size_t(nodes) * size());
-        maps_.resize(size_t(nodes) * stride());
         place_.resize(nodes);
         contact_.resize(nodes);
     }
 
-    /// Linearise a closed orbit.
+    /// Linearise a closed orbit. same: see `begin`.
     template <class Flight>
-    void set(const Flight& flight, const Contacts& contacts, const Nodes& orbit) {
-        begin(orbit.count());
+    void set(const Flight& flight, const Contacts& contacts, const Nodes& orbit, bool same = false) {
+        begin(orbit.count(), same);
         for (int i = 0; i < nodes_; ++i) {
-            if (!Flight::is_series() && i > 0 && orbit.duration[i] == orbit.duration[i - 1]) place_[i] = place_[i - 1];
-            else set_flight(i, flight, orbit.after[i], orbit.duration[i]);
+            set_flight(i, flight, orbit.after[i], orbit.duration[i]);
             set_node(i, flight, contacts, orbit.contact[i], orbit.before[i], orbit.after[i]);
         }
     }
 
-    /// Linearise flight i, over time t from the state z.
+    /// Linearise flight i, over time t from the state z. An orbit passes flights of the same times forwards and backwards.
     template <class Flight>
     void set_flight(int i, const Flight& flight, Values z, double t) {
-        place_[i] = i;
-        double* entries = maps_.data() + size_t(i) * stride();
+        for (int k = nearest_ > 0 ? nearest_ - 1 : 0; !Flight::is_series() && k < maps_count_ && k < nearest_ + 2; ++k)
+            if (times_[k] == t) {
+                place_[i] = nearest_ = k;
+                return;
+            }
+        place_[i] = nearest_ = maps_count_++;
+        times_[nearest_] = t;
+        double* entries = maps_.data() + size_t(nearest_) * stride();
         if constexpr (requires { flight.blocks(); })
             if (modal_) {
                 const int half = size() / 2;
@@ -305,8 +315,8 @@ private:
 
     int size_;
     bool modal_;
-    int nodes_ = 0;
-    std::vector<double> coming_, leaving_, late_, maps_;
+    int nodes_ = 0, maps_count_ = 0, nearest_ = 0;  // nearest_: the last map that was used
+    std::vector<double> coming_, leaving_, late_, maps_, times_;
     std::vector<int> place_, contact_;
 };
 

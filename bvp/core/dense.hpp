@@ -64,13 +64,17 @@ void in_groups(int first, int columns, Visit&& visit) {
     for (; first < columns; ++first) visit(std::integral_constant<int, 1>(), first);
 }
 
-/// Sum of the squares of all entries.
+/// Sum of the squares of all entries: of each column modulo four, so that no sum waits for another.
 template <class M>
 double sum_of_squares(const M& matrix) {
-    double total = 0.0;
-    for (int r = 0; r < matrix.rows(); ++r)
-        for (int c = 0; c < matrix.columns(); ++c) total += matrix(r, c) * matrix(r, c);
-    return total;
+    double total[4] = {};
+    for (int r = 0; r < matrix.rows(); ++r) {
+        int c = 0;
+        for (; c + 4 <= matrix.columns(); c += 4)
+            for (int k = 0; k < 4; ++k) total[k] += matrix(r, c + k) * matrix(r, c + k);
+        for (int k = 0; c + k < matrix.columns(); ++k) total[k] += matrix(r, c + k) * matrix(r, c + k);
+    }
+    return (total[0] + total[1]) + (total[2] + total[3]);
 }
 
 /// Exponent e of the binary digits of x > 0: 2^e <= x < 2^(e + 1).
@@ -113,7 +117,8 @@ Pivots factorise(M&& matrix, Rows&& row) {
         for (int r = k + 1; r < size; ++r) {
             const auto factor = matrix(r, k) / matrix(k, k);
             matrix(r, k) = factor;
-            for (int c = k + 1; c < size; ++c) matrix(r, c) = matrix(r, c) - factor * matrix(k, c);
+            auto *__restrict to = &matrix(r, 0), *__restrict from = &matrix(k, 0);
+            for (int c = k + 1; c < size; ++c) to[c] = to[c] - factor * from[c];
         }
     }
     return found;
@@ -358,7 +363,7 @@ void francis(M& matrix, int low, int high, double trace, double product, double*
 
 /// Most steps of a QR iteration for one eigenvalue, which takes two or three; 66 where pairs on the unit circle hardly
 /// differ.
-inline constexpr int MOST_STEPS = 300;
+inline constexpr int MOST_QR_STEPS = 300;
 
 /// Eigenvalues of a square matrix, which is overwritten, a complex pair side by side. Returns whether the iteration
 /// converged.
@@ -393,7 +398,7 @@ bool eigenvalues(M&& matrix, double* real, double* imaginary) {
             continue;
         }
         if (low > 0) matrix(low, low - 1) = 0.0;
-        if (steps++ == MOST_STEPS) return false;
+        if (steps++ == MOST_QR_STEPS) return false;
         double trace = before + last, product = before * last - up * down;
         if (steps % 10 == 0) {
             // A step with other shifts, where these go in circles.
@@ -440,11 +445,11 @@ bool symmetric_eigenvalues(M&& a, V&& vectors) {
     return false;
 }
 
-/// Singular values of a matrix, which is overwritten: one-sided Jacobi rotations of its rows, until these are
-/// orthogonal to the rounding of their products. Small ones keep their digits if large rows make large ones. Returns
-/// whether they converged.
-template <class M, class Out>
-bool singular_values(M&& a, Out&& out) {
+/// Singular values of a matrix, which is overwritten, by one-sided Jacobi rotations of its rows, until these are orthogonal
+/// to the rounding of their products; turn(i, j, rotation) is called for each. Small ones keep their digits if large rows
+/// make large ones. A row whose square is at most `least` stays as it is. Returns whether they converged.
+template <class M, class Out, class Turn>
+bool singular_values(M&& a, Out&& out, double least, Turn&& turn) {
     constexpr int SWEEPS = 60;  // ten are many
     const double rounding = EPSILON * std::max(1, a.columns());
     for (int sweep = 0; sweep < SWEEPS; ++sweep) {
@@ -452,19 +457,24 @@ bool singular_values(M&& a, Out&& out) {
         for (int i = 0; i < a.rows() - 1; ++i)
             for (int j = i + 1; j < a.rows(); ++j) {
                 const double first = dot(a[i], a[i]), second = dot(a[j], a[j]), across = dot(a[i], a[j]);
-                if (!(std::fabs(across) > rounding * std::sqrt(first) * std::sqrt(second))) continue;
+                if (!(std::fabs(across) > rounding * std::sqrt(first) * std::sqrt(second)) || smaller(first, second) <= least) continue;
                 quiet = false;
                 const double theta = (second - first) / 2.0 / across;
                 const double tangent = std::copysign(1.0 / (std::fabs(theta) + hypot(1.0, theta)), theta);
                 const double cosine = 1.0 / hypot(1.0, tangent);
                 const Rotation rotation{cosine, -tangent * cosine};
                 for (int c = 0; c < a.columns(); ++c) rotation.turn(a(i, c), a(j, c));
+                turn(i, j, rotation);
             }
         if (!quiet) continue;
         for (int r = 0; r < a.rows(); ++r) out[r] = std::sqrt(dot(a[r], a[r]));
         return true;
     }
     return false;
+}
+template <class M, class Out>
+bool singular_values(M&& a, Out&& out) {
+    return singular_values(a, out, 0.0, [](int, int, const Rotation&) {});
 }
 
 /// Unit eigenvectors of a square matrix with known eigenvalues, the columns of `vectors`, by inverse iteration; the

@@ -27,9 +27,16 @@ public:
           closing_first_(couples || blocks == 0 ? 0 : blocks - 1), unknowns_(blocks * block_size + closers + 1),
           window_(blocks * (2 * block_size + start), block_size), closing_(unknowns_, closers),
           reflectors_(blocks * block_size, start + block_size), closing_reflectors_(closers, closers + 1),
-          diagonal_(unknowns_ - 1), factor_(unknowns_ - 1), norm_(unknowns_ - 1) {}
+          length_(blocks * block_size), diagonal_(unknowns_ - 1), factor_(unknowns_ - 1), norm_(unknowns_ - 1) {}
 
     int unknowns() const { return unknowns_; }
+    int blocks() const { return blocks_; }
+    int block_size() const { return m(); }
+    /// Whether the equations of block i can have an unknown.
+    bool has(int i, int unknown) const {
+        const int row = unknown - (i - 1) * m();
+        return (i > 0 ? 0 : m()) <= row && row < window_rows();
+    }
 
     /// Set all entries to zero.
     void clear() {
@@ -94,7 +101,8 @@ public:
         double largest = 0.0;
         for (int pattern = 0; pattern < 2; ++pattern) {
             for (int j = 0; j < unknowns_ - 1; ++j) {
-                const bool up = (j * (7 + 4 * pattern) + j * j * (3 - pattern)) % 5 < 3 - pattern;
+                const int k = j % 5;  // the square of a large j is no int
+                const bool up = (k * (7 + 4 * pattern) + k * k * (3 - pattern)) % 5 < 3 - pattern;
                 right[j] = up ? std::sqrt(norm_[j]) : -std::sqrt(norm_[j]);
             }
             forward(right);
@@ -108,7 +116,7 @@ public:
         const int first = blocks_ * m();
         for (int e = closers_ - 1; e >= 0; --e)
             reflect(closing_reflectors_[e], closers_ + 1 - e, factor_[first + e], &x[first + e]);
-        for (int j = first - 1; j >= 0; --j) reflect(reflectors_[j], reflector_size(j % m()), factor_[j], &x[j]);
+        for (int j = first - 1; j >= 0; --j) reflect(reflectors_[j], length_[j], factor_[j], &x[j]);
     }
 
     /// x <- R^-T x.
@@ -138,7 +146,6 @@ private:
         return m_;
     }
     int window_rows() const { return 2 * m() + start_; }
-    int reflector_size(int e) const { return start_ + m() - e; }
     double* window(int i, int r) { return window_.data() + std::ptrdiff_t(i * window_rows() + r) * m(); }
     const double* window(int i, int r) const { return window_.data() + std::ptrdiff_t(i * window_rows() + r) * m(); }
 
@@ -208,13 +215,17 @@ private:
         for (int e = 0; e < closers_; ++e) closing_norm[e] = std::max(closing_norm[e], least[e]);
     }
 
-    /// Eliminate the equations of block i; returns the number of reflections.
+    /// Eliminate the equations of block i; returns the number of reflections. Unknowns of the next node that have not
+    /// come into an equation yet take no part: half of the work.
     int eliminate(int i) {
         int reflections = 0;
         for (int e = 0; e < m(); ++e) {
-            const int j = i * m() + e, count = reflector_size(e);
+            const int j = i * m() + e;
+            int count = start_ + m() - e;
+            while (count > 1 && window(i, m() + e + count - 1)[e] == 0.0) --count;
             double* v = reflectors_[j].data();
             for (int r = 0; r < count; ++r) v[r] = window(i, m() + e + r)[e];
+            length_[j] = count;
             const double factor = factor_[j] = make_reflector(v, count, diagonal_[j]);
             if (factor == 0.0) continue;
             ++reflections;
@@ -244,6 +255,7 @@ private:
     Array<> window_;                           // (blocks (2 m + start), m) rows of the unknowns from block i - 1 on
     Array<> closing_;                          // (u, c)
     Array<> reflectors_, closing_reflectors_;  // each from its pivot on
+    std::vector<int> length_;                  // of the reflectors
     std::vector<double> diagonal_, factor_,
         norm_;  // of R; 2/(v . v), 0: no reflection; squared lengths of the equations
 };

@@ -2,9 +2,9 @@
 ///
 /// With |f''| <= W over the flight, f keeps its sign over the step (|f'| + sqrt(f'^2 + 2 W |f|))/W away from zero (with
 /// f' counted against it where it points to zero), and f is monotone over |f'|/W. With |f'''| <= V, f' keeps its sign,
-/// and f is monotone, over the step of the same form for f' and f''. Steps take the longest of these, so each holds at
-/// most one zero, and that one changes the sign. A step in which f changes by its rounding alone is not divided: what
-/// is smaller cannot be seen.
+/// and f is monotone, over the step of the same form for f' and f''. Steps take the longest of these, and longer ones
+/// where the same holds backwards from their ends, so each holds at most one zero, and that one changes the sign. A step
+/// in which f changes by its rounding alone is not divided: what is smaller cannot be seen.
 ///
 /// The searches take a track (see `LinearTrack`): f, f' and f'' at a time, bounds of |f''| and |f'''| and the time up
 /// to which they hold.
@@ -33,24 +33,33 @@ public:
     /// gives up.
     bool next() {
         constexpr int STEP_LIMIT = 100'000;  // a flight of a thousand periods takes some ten thousand
-        constexpr double TWO_UNITS = 4e-16;
+        constexpr double TWO_UNITS = 4e-16, LEAP = 1.6;
         bool found = false;
         while (!found && ahead_ <= track_.duration() && steps_ < STEP_LIMIT) {
-            before_ = here_, f_before_ = f_;
-            here_ = ahead_;
-            const Sample now = track_.at(here_);
-            const Bounds bounds = track_.bounds(here_);
-            const double curvature = bounds.second, jerk = bounds.third;
-            f_ = now.value;
             ++steps_;
-            double step = safe_step(now, curvature, jerk);
-            double least = here_ == 0.0 ? levels_.first : here_ >= track_.duration() ? levels_.last : levels_.inside;
+            const Sample now = track_.at(ahead_);
+            double least = ahead_ == 0.0 ? levels_.first : ahead_ >= track_.duration() ? levels_.last : levels_.inside;
+            const bool has_sign = std::fabs(now.value) > least;
+            if (ahead_ > safe_ && !(has_sign && is_covered(now, ahead_ - here_))) {
+                ahead_ = safe_;
+                continue;
+            }
+            before_ = here_, left_ = right_;
+            here_ = ahead_, right_ = now;
+            bounds_ = track_.bounds(here_);
+            forwards_ = reach(now, now.slope, bounds_);
+            double step = forwards_.longest();
+            f_ = now.value;
             if (least == INFINITE) f_ = here_ == 0.0 ? now.slope : -now.slope, least = 0.0;
             found = std::fabs(f_) > least && (sign_ == 0 || (f_ > 0.0) != (sign_ > 0));
             // Beside a tangency: f and its changes in this time are rounding.
             const double rounding = TWO_UNITS * track_.level();
-            if (step * step * curvature < rounding) step = std::sqrt(rounding / curvature);
-            step = std::max(std::min(step, track_.until(here_) - here_), shortest_);
+            if (step * step * bounds_.second < rounding) step = std::sqrt(rounding / bounds_.second);
+            const double room = track_.until(here_) - here_;
+            step = std::max(std::min(step, room), shortest_);
+            safe_ = std::min(track_.duration(), here_ + step);
+            // The sign beside a sample without one is not to be missed.
+            if (has_sign) step = std::max(step, std::min(LEAP * step, room));
             ahead_ = here_ >= track_.duration() ? INFINITE : std::min(track_.duration(), here_ + step);
         }
         if (!found) return false;
@@ -69,7 +78,7 @@ public:
 
     /// The time of the change, between the last two samples, where f changes its sign once.
     double time(double tolerance) {
-        double low = before_, high = here_, root = low + f_before_ / (f_before_ - f_) * (high - low);
+        double low = before_, high = here_, root = low + zero_in_step(left_, right_, high - low, 0.0) * (high - low);
         const bool positive = f_ <= 0.0;
         for (int count = 0; count < 100; ++count) {
             const double middle = 0.5 * (low + high);
@@ -86,21 +95,41 @@ public:
     }
 
 private:
-    /// The longest step in which f has no zero or is monotone, equation (26) for f and for f'. A bound of 0 is none.
-    static double safe_step(const Sample& now, double curvature, double jerk) {
-        if (!(curvature > 0.0)) return INFINITE;
-        const auto [f, slope, bend] = now;
-        double step = std::max(std::fabs(slope) / curvature,
-                               free_step(std::fabs(f), f >= 0.0 ? slope : -slope, curvature));
-        if (jerk > 0.0) step = std::max(step, free_step(std::fabs(slope), slope >= 0.0 ? bend : -bend, jerk));
-        return step;
+    /// Times from a sample in which f has no zero, and in which it is monotone, equation (26) for f and for f'. A bound
+    /// of 0 is none.
+    struct Reach {
+        double free = INFINITE, monotone = INFINITE;
+        double longest() const { return std::max(free, monotone); }
+    };
+    /// slope: in the direction of the time that is meant.
+    static Reach reach(const Sample& now, double slope, const Bounds& bounds) {
+        Reach out;
+        if (!(bounds.second > 0.0)) return out;
+        out.free = free_step(std::fabs(now.value), now.value >= 0.0 ? slope : -slope, bounds.second);
+        out.monotone = std::fabs(slope) / bounds.second;
+        if (bounds.third > 0.0)
+            out.monotone = std::max(out.monotone,
+                                    free_step(std::fabs(slope), slope >= 0.0 ? now.bend : -now.bend, bounds.third));
+        return out;
+    }
+
+    /// Whether a longer step holds one zero at most, by the reach of both its ends. Where these are two monotone parts,
+    /// it holds two only if f first approaches zero and then departs from it, on the same side.
+    bool is_covered(const Sample& now, double step) const {
+        const Reach back = reach(now, -now.slope, bounds_);
+        if (forwards_.free + back.longest() >= step || forwards_.monotone + back.free >= step) return true;
+        return forwards_.monotone + back.monotone >= step &&
+            (right_.value * now.value < 0.0 || right_.value * right_.slope > 0.0 || now.value * now.slope < 0.0);
     }
 
     Track& track_;
     double shortest_;
     ZeroLevels levels_;
     int sign_, last_sign_ = 0, steps_ = 0;
-    double before_ = 0.0, f_before_ = 0.0, here_ = 0.0, f_ = 0.0, ahead_ = 0.0;
+    double before_ = 0.0, here_ = 0.0, f_ = 0.0, ahead_ = 0.0, safe_ = 0.0;
+    Sample left_{}, right_{};  // at the times before_ and here_
+    Bounds bounds_;
+    Reach forwards_;
 };
 
 /// Sign changes of f along a flight, and its last sign; changes < 0: the search gave up.

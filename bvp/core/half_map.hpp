@@ -25,6 +25,7 @@ void section_basis(const V& direction, Matrix<const double> held, Out& out) {
         out(0, 0) = -direction[1] / norm, out(0, 1) = direction[0] / norm;
         return;
     }
+    if (axes < 2) return;
     Local<double> v(axes);
     for (int a = 0; a < axes; ++a) {
         v[a] = 0.0;
@@ -33,12 +34,14 @@ void section_basis(const V& direction, Matrix<const double> held, Out& out) {
     // Householder's reflection of v; its complement is the image of the other axes.
     const bool turned = v[0] < 0.0;
     const double factor = reflector(v, 0, axes);
-    for (int b = 1; b < axes; ++b)
-        for (int r = 0; r < half; ++r) {
-            double total = 0.0;
-            for (int a = 0; a < axes; ++a) total += ((a == b ? 1.0 : 0.0) - factor * v[b] * v[a]) * held(a, r);
-            out(b - 1, r) = turned && b == axes - 1 ? -total : total;
-        }
+    Local<double> along(half);
+    for (int r = 0; r < half; ++r) along[r] = 0.0;
+    for (int a = 0; a < axes; ++a)
+        for (int r = 0; r < half; ++r) along[r] += v[a] * held(a, r);
+    for (int b = 1; b < axes; ++b) {
+        const double part = factor * v[b], sign = turned && b == axes - 1 ? -1.0 : 1.0;
+        for (int r = 0; r < half; ++r) out(b - 1, r) = sign * (held(b, r) - part * along[r]);
+    }
 }
 
 /// Factor by which the impact at node j magnifies rounding errors, sqrt(2 H) |g| / |g . v|; 1 for the fastest head-on
@@ -103,23 +106,27 @@ double half_map(const Chain<N>& chain, const Contacts& contacts, HalfEnd<Kind> s
         if (const int c = chain.contact(i + 1); c >= 0)
             magnified = larger(magnified, magnification(chain, i + 1, contacts.gap[c], reach));
     }
-    for (int column = 0; column < columns; ++column) {
-        double shift = 0.0;
-        if (finish.is_stop()) {
-            // At the far end the orbit is cut, not reflected: equation (27).
-            const Values gap = contacts.gap[finish.contact];
+    if (finish.is_stop()) {
+        // At the far end the orbit is cut, not reflected: equation (27).
+        const Values gap = contacts.gap[finish.contact], coming = chain.coming(far);
+        const double speed = dot(gap, coming);
+        for (int column = 0; column < columns; ++column) {
+            double shift = 0.0;
             for (int r = 0; r < half; ++r) shift -= gap[r] * x(r, column);
-            shift /= dot(gap, chain.coming(far));
+            shift /= speed;
+            for (int r = 0; r < size; ++r) x(r, column) += shift * coming[r];
         }
-        for (int b = 0; b < pairs; ++b) {
-            // Equation (13): the entries in the coordinates of the far end.
-            double displacement = 0.0, velocity = 0.0;
-            for (int r = 0; r < half; ++r) {
-                displacement += last(b, r) * (x(r, column) + shift * chain.coming(far)[r]);
-                velocity += last(b, r) * (x(half + r, column) + shift * chain.coming(far)[half + r]);
-            }
-            phi(b, column) = finish.keeps_velocity() ? velocity : displacement;
-            phi(pairs + b, column) = finish.keeps_velocity() ? -displacement : velocity;
+    }
+    // Equation (13): the entries in the coordinates of the far end.
+    const bool keeps = finish.keeps_velocity();
+    for (int b = 0; b < pairs; ++b) {
+        double *first_row = &phi(b, 0), *second_row = &phi(pairs + b, 0);
+        for (int column = 0; column < columns; ++column) first_row[column] = second_row[column] = 0.0;
+        for (int r = 0; r < half; ++r) {
+            const double entry = last(b, r), second = keeps ? -entry : entry;
+            const double *kept = &x(keeps ? half + r : r, 0), *turned = &x(keeps ? r : half + r, 0);
+            for (int column = 0; column < columns; ++column) first_row[column] += entry * kept[column];
+            for (int column = 0; column < columns; ++column) second_row[column] += second * turned[column];
         }
     }
     return magnified;
@@ -266,7 +273,7 @@ private:
     static constexpr double PAIR_LIMIT = 30.0;
 
     void set_cycle(const Problem& problem, const Nodes& nodes) {
-        chain_.set(problem.flight(), problem.contacts(), nodes);
+        chain_.set(problem.flight(), problem.contacts(), nodes, !problem.periodic());
         set_scale(nodes, problem.flight().twice_energy(nodes.after[0]), scale_);
     }
 

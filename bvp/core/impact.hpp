@@ -379,10 +379,12 @@ private:
 /// grazing, slow, or on another contact.
 template <class Path>
 bool step_to_impact(const Path& path, const StepStops& stops, int leaving, double horizon, NextImpact& found) {
+    constexpr int MOST_PARTS = 1000;  // a million steps, where nothing damps
     StepWalk walk(stops, horizon);
     if (!walk.start(path.begin(), leaving)) return false;
     StepWalk::Reason reason = walk.go();
-    while (reason == StepWalk::UNFINISHED) {
+    for (int part = 0; reason == StepWalk::UNFINISHED; ++part) {
+        if (part == MOST_PARTS) return false;
         Local<double, Path::SIZE> state(path.size());
         path.state(walk.time(), state);
         if (!walk.start(state, -1)) return false;
@@ -423,7 +425,7 @@ NextImpact next_impact_on(const Path& path, const Contacts& contacts, int leavin
 template <class Flight>
 NextImpact next_impact(const Flight& flight, const Contacts& contacts, int leaving, bool released, Values z,
                        double horizon) {
-    return next_impact_on(path_of(flight, z), contacts, leaving, released, horizon);
+    return next_impact_on(path_of(flight, z, horizon), contacts, leaving, released, horizon);
 }
 
 /// The same, but touches are skipped: z moves to the last touch before the hit. The time counts from the z that was
@@ -433,7 +435,7 @@ NextImpact next_hit(const Flight& flight, const Contacts& contacts, const StepSt
                     Vector<double> z, double horizon) {
     double elapsed = 0.0;
     while (true) {
-        const auto path = path_of(flight, z);
+        const auto path = path_of(flight, z, horizon - elapsed);
         NextImpact found = next_impact_on(path, contacts, leaving, false, horizon - elapsed, stops);
         if (found.found == Found::TOUCH) {
             Local<double, Flight::SIZE> state(flight.size());

@@ -6,9 +6,12 @@
 ///     end(z, t, out, map)           the same, and its derivative by the state; NaN where the flight has no end
 ///     rate(z, out)                  z'
 ///     carry(map, x, out)            out = map x, with what is known of the map's pattern
-///     path(z, horizon)              an object for evaluations along one flight: see `LinearPath`
+///     path_of(flight, z, duration)  a function beside it: an object for evaluations along one flight, see path.hpp
 ///     energy(z), energy_slope(z, out), bend(z, factor, add)   the conserved energy H, its gradient, its second derivative
 ///     is_series()                   whether flights are series with an error, and can have cuts (equation (45))
+///     velocity_unit(z, v, t)        the unit of residuals of velocities at the end z of a flight: a typical velocity v; or
+///                                   the change of the velocities there in a typical duration t, if that is more
+///     keep(count)                   where flights are series: how many are kept, by state and duration
 #pragma once
 
 #include <algorithm>
@@ -36,6 +39,11 @@ public:
         steps_ = StepTable(blocks_);
     }
 
+    /// The same flights, with a size that the compiler knows.
+    template <int M>
+    explicit LinearFlight(const LinearFlight<M>& other)
+        : LinearFlight(other.blocks(), copy_of(other.matrix()), {other.weights().begin(), other.weights().end()}) {}
+
     constexpr int size() const {
         if constexpr (N != DYNAMIC) return N;
         return matrix_.rows();
@@ -44,6 +52,8 @@ public:
     const std::vector<Block>& blocks() const { return blocks_; }
     Values weights() const { return weights_; }
     static constexpr bool is_series() { return false; }
+    /// Forces are no larger than displacements.
+    double velocity_unit(Values, double velocity, double) const { return velocity; }
 
     /// Whether no block damps or grows: bounds of one instant then hold at all later ones.
     bool is_steady() const { return steady_; }

@@ -49,9 +49,8 @@ public:
         const double wider = (1.0 + 1e-9) / CELLS, size_s = (high - low) * wider, size_v = 2.0 * reach * wider;
         for (size_t i = 0; i < arcs.size(); ++i) {
             const Item item = item_of(arcs, int(i), is_mirrored);
-            spans_[i] = {int((item.box[0][0] - low) / size_s), int((item.box[0][1] - low) / size_s),
-                int((item.box[1][0] + reach) / size_v),
-                         int((item.box[1][1] + reach) / size_v)};
+            spans_[i] = {cell_of((item.box[0][0] - low) / size_s), cell_of((item.box[0][1] - low) / size_s),
+                         cell_of((item.box[1][0] + reach) / size_v), cell_of((item.box[1][1] + reach) / size_v)};
             for_cells(int(i), [&](int cell) { ++first_[cell + 1]; });
         }
         std::partial_sum(first_.begin(), first_.end(), first_.begin());
@@ -71,6 +70,8 @@ public:
     int first_v(int arc) const { return spans_[arc][2]; }
 
 private:
+    /// The cell at a place; the first one where the place is no number.
+    static int cell_of(double place) { return place >= 0.0 ? int(std::min(place, CELLS - 1.0)) : 0; }
     static Item item_of(const std::vector<Arc>& arcs, int i, bool is_mirrored) {
         Item out{i, {}};
         for (int c = 0; c < 3; ++c) out.box[c][0] = arcs[i].box[c][0], out.box[c][1] = arcs[i].box[c][1];

@@ -51,6 +51,11 @@ public:
     };
     FollowedPoint follow_arc(const Arc& arc, double u, Followed& record) const;
 
+    int curves() const { return int(curves_.size()); }
+    /// Impacts before the starts of a curve, and the contact that these leave.
+    int gone(int curve) const { return gone_[curve]; }
+    int contact(int curve) const { return curves_[curve].contact; }
+
     std::vector<Meeting> meetings;
     MeetingCounts counts;
 

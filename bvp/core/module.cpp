@@ -34,6 +34,7 @@ NB_MODULE(saltus_core, m) {
     m.attr("compiler") = compiler;
     nb::set_leak_warnings(false);  // what a cache keeps until the interpreter ends is no leak
     bind_numbers(m);
+    saltus::bind_dense(m);
     saltus::bind_flight(m);
     saltus::bind_elimination(m);
     saltus::bind_orbit(m);
@@ -41,4 +42,6 @@ NB_MODULE(saltus_core, m) {
     saltus::bind_events(m);
     saltus::bind_multipliers(m);
     saltus::bind_search(m);
+    saltus::bind_smooth(m);
+    saltus::bind_paths(m);
 }

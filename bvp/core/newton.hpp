@@ -93,14 +93,12 @@ public:
         const int n = problem_.size(), half = n / 2, rows = problem_.rows(), k = problem_.inner();
         const int full = problem_.periodic() ? k + 1 : k;
         double worst = 0.0;
-        auto note = [&worst](double entry, double unit) {
-            entry = std::fabs(entry) / unit;
-            if (!(entry <= worst)) worst = entry;
-        };
+        auto note = [&worst](double entry, double unit) { worst = worst_of(worst, std::fabs(entry) / unit); };
         for (int i = 0; i < full; ++i) {
             const double* entries = &residual[i * rows];
-            for (int r = 0; r < n; ++r) note(entries[r], r < half ? sizes.displacement : sizes.velocity);
-            if (problem_.is_cut(i)) continue;  // each update fulfils equation (45), which is linear
+            const double velocity = velocity_unit(i, sizes);
+            for (int r = 0; r < n; ++r) note(entries[r], r < half ? sizes.displacement : velocity);
+            if (i < k && problem_.is_cut(i)) continue;  // each update fulfils equation (45), which is linear
             double square = 0.0;
             for (int r = 0; r < half; ++r) square += problem_.gap(i)[r] * problem_.gap(i)[r];
             note(entries[n],
@@ -109,8 +107,21 @@ public:
         for (int e = 0; e < int(residual.size()) - full * rows; ++e) {
             double total = 0.0;
             for (int c = 0; c < half; ++c) total += std::fabs(problem_.closure().end_map(e, c));
-            note(residual[full * rows + e], total > 0.0 ? sizes.displacement * total : sizes.velocity);
+            note(residual[full * rows + e], total > 0.0 ? sizes.displacement * total : velocity_unit(k, sizes));
         }
+        return worst;
+    }
+
+    /// The largest factor by which perturbations grow along a flight of the last evaluation, relative to the sizes of
+    /// displacements and velocities.
+    double growth(const Sizes& sizes) const {
+        const int n = problem_.size(), half = n / 2;
+        const auto size = [&](int r) { return r < half ? sizes.displacement : sizes.velocity; };
+        double worst = 0.0;
+        for (int i = 0; i <= problem_.inner(); ++i)
+            for (int r = 0; r < n; ++r)
+                for (int c = 0; c < n; ++c)
+                    worst = worst_of(worst, std::fabs(maps(i, r * n + c)) * size(c) / size(r));
         return worst;
     }
 
@@ -177,7 +188,15 @@ private:
         bool ended = false;
     };
 
+    /// The larger one; NaN if one is.
+    static double worst_of(double worst, double entry) { return entry <= worst || worst != worst ? worst : entry; }
+
     static double largest(double a, double b, double c) { return std::max(a, std::max(std::fabs(b), std::fabs(c))); }
+
+    /// The unit of residuals of velocities at the end of flight i.
+    double velocity_unit(int i, const Sizes& sizes) const {
+        return problem_.flight().velocity_unit(before[i], sizes.velocity, sizes.longest);
+    }
 
     /// Whether a start parameter moves displacements.
     bool moves_displacement(int j) const {
@@ -217,16 +236,13 @@ private:
     /// least the scale of its condition: of a mode that moves alone, it is only that mode's cosine, and a pivot
     /// relative to it would jump from -1 to 1 at zero.
     void factorise(Values y, const Sizes& sizes, Correction& found) {
-        const int n = problem_.size();
-        for (int e = 0; e < problem_.closers(); ++e) {
-            least_[e] = 0.0;
-            if (problem_.periodic()) continue;
-            for (int r = 0; r < n; ++r) {
-                const double entry =
-                    problem_.closure().end_map(e, r) * (r < n / 2 ? sizes.displacement : sizes.velocity);
+        std::fill(least_.begin(), least_.end(), 0.0);
+        const Array<>& rows = problem_.end_columns();
+        for (int r = 0; r < rows.rows(); ++r)
+            for (int e = 0; e < rows.columns(); ++e) {
+                const double entry = rows(r, e) * (r < problem_.size() / 2 ? sizes.displacement : sizes.velocity);
                 least_[e] += entry * entry;
             }
-        }
         linearise(y);
         const auto pivots = elimination.factorise(least_);
         found.sign = pivots.sign;

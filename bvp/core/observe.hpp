@@ -38,11 +38,23 @@ public:
     }
 
     void run() {
-        point_.gave_up = 0.0;
+        point_.gave_up = point_.clearance_flight = point_.clearance_stop = point_.clearance_side =
+            point_.clearance_time = 0.0;
         note_speeds();
         count_impacts();
-        note_contacts();
-        note_half_waves();
+        const bool has_waves = !problem_.periodic() && observed_.has_absorber();
+        const int stops = observed_.stops();
+        Waves absorber, primary;
+        Nearest nearest;
+        for (int i = 0; i <= problem_.inner(); ++i) {
+            const auto path = path_of(problem_.flight(), node(i), duration(i));
+            note_contacts(i, path, nearest);
+            if (!has_waves) continue;
+            count_waves(i, path, observed_.functional(stops), absorber);
+            count_waves(i, path, observed_.functional(stops + 1), primary);
+        }
+        point_.clearance = nearest.distance;
+        note_half_waves(has_waves, absorber, primary);
     }
 
 private:
@@ -78,6 +90,13 @@ private:
             if (speed < slowest - TIE * reach_) node = i;
             slowest = std::min(slowest, speed);
         }
+        if (ends_at(End::PERIODIC) && problem_.is_cut(k)) {
+            // The start of a closed orbit without impacts is a maximum as long as this is above 0.
+            typename Problem::template State<> rate(problem_.size());
+            problem_.flight().rate(start_, rate);
+            slowest = -dot(problem_.gap(k), Values(rate));
+            node = k;
+        }
         point_.speed = slowest;
         point_.speed_node = node;
         point_.speeds = speeds;
@@ -101,37 +120,37 @@ private:
         point_.second_quarter = quarter ? impacts : impacts - early;
     }
 
-    /// The nearest contact that is no impact: equation (26) between the turning points of each gap.
-    void note_contacts() {
-        point_.clearance_flight = point_.clearance_stop = point_.clearance_side = point_.clearance_time = 0.0;
-        double best = INFINITE, earliest = INFINITE, elapsed = 0.0;
-        const int k = problem_.inner();
-        for (int i = 0; i <= k; ++i) {
-            const double length = duration(i), slack = INSTANT * length;
-            const double last = i == k && ends_at(End::PERIODIC) ? length - slack : INFINITE;
-            elapsed += length;
-            if (!(length > 0.0)) continue;
-            const auto path = path_of(problem_.flight(), node(i));
-            for (int stop = 0; stop < observed_.stops(); ++stop) {
-                const ObservedGap gap = observed_.gap(stop);
-                const double tie = std::max(tie_of(gap.value, gap.rate, node(i), node(i), length),
-                                            tie_of(gap.value, gap.rate, ends_[i], ends_[i], length));
-                Clearance nearest = clearance(path, gap, length, tie, last);
-                if (std::isnan(nearest.distance)) point_.gave_up = 1.0;
-                take_ends(i, stop, gap, tie, last, slack, nearest);
-                // At a tie the earlier instant of the orbit counts.
-                const double moment = nearest.time > last ? 0.0 : elapsed - length + nearest.time;
-                if (nearest.distance < best - tie || (nearest.distance < best + tie && moment < earliest - slack)) {
-                    earliest = moment;
-                    point_.clearance_flight = i;
-                    point_.clearance_stop = stop;
-                    point_.clearance_side = nearest.side;
-                    point_.clearance_time = nearest.time;
-                }
-                if (nearest.distance < best) best = nearest.distance;
+    /// The nearest contact so far, its instant, and the time before a flight.
+    struct Nearest {
+        double distance = INFINITE, earliest = INFINITE, elapsed = 0.0;
+    };
+
+    /// The nearest contact of flight i that is no impact: equation (26) between the turning points of each gap.
+    template <class Path>
+    void note_contacts(int i, const Path& path, Nearest& best) const {
+        const double length = duration(i), slack = INSTANT * length;
+        const double last = i == problem_.inner() && ends_at(End::PERIODIC) ? length - slack : INFINITE;
+        best.elapsed += length;
+        if (!(length > 0.0)) return;
+        for (int stop = 0; stop < observed_.stops(); ++stop) {
+            const ObservedGap gap = observed_.gap(stop);
+            const double tie = std::max(tie_of(gap.value, gap.rate, node(i), node(i), length),
+                                        tie_of(gap.value, gap.rate, ends_[i], ends_[i], length));
+            Clearance nearest = clearance(path, gap, length, tie, last);
+            if (std::isnan(nearest.distance)) point_.gave_up = 1.0;
+            take_ends(i, stop, gap, tie, last, slack, nearest);
+            // At a tie the earlier instant of the orbit counts.
+            const double moment = nearest.time > last ? 0.0 : best.elapsed - length + nearest.time;
+            if (nearest.distance < best.distance - tie ||
+                (nearest.distance < best.distance + tie && moment < best.earliest - slack)) {
+                best.earliest = moment;
+                point_.clearance_flight = i;
+                point_.clearance_stop = stop;
+                point_.clearance_side = nearest.side;
+                point_.clearance_time = nearest.time;
             }
+            if (nearest.distance < best.distance) best.distance = nearest.distance;
         }
-        point_.clearance = best;
     }
 
     /// Contacts at the ends of a flight: at rest, and where an impact at another stop bends the path of the gap.
@@ -165,48 +184,43 @@ private:
         return apart > 1e-9 * size;
     }
 
+    /// Sign changes of a velocity along the orbit, and its signs at the first and last instants at which it has one (0:
+    /// it has none).
+    struct Waves {
+        int changes = 0, last = 0;
+        int first() const { return changes % 2 == 0 ? last : -last; }
+    };
+
+    /// Go on counting along flight i. Velocities are zero at rest. After a flight with large accelerations they are so
+    /// to more than their rounding. At an origin a velocity can be zero, too: its signs are those that the count takes,
+    /// beside the origin.
+    template <class Path>
+    void count_waves(int i, const Path& path, const Functional& velocity, Waves& found) const {
+        const bool from_rest = i == 0 && starts_at(End::REST), to_rest = i == problem_.inner() && ends_at(End::REST);
+        const SignChanges part = sign_changes(path, velocity, duration(i), found.last, from_rest, to_rest);
+        if (part.changes < 0) point_.gave_up = 1.0;
+        found.changes += part.changes;
+        found.last = part.sign;
+    }
+
     /// Half-waves of absorber and primary between two ends, and their velocities at origins.
-    void note_half_waves() {
+    void note_half_waves(bool has_waves, const Waves& absorber, const Waves& primary) {
         point_.absorber_start = point_.absorber_end = NOT_A_NUMBER;
         point_.in_phase = point_.waves_absorber = point_.waves_primary = -1.0;
-        if (problem_.periodic() || !observed_.has_absorber()) return;
-        const int stops = observed_.stops();
-        const Waves absorber = waves(observed_.functional(stops)), primary = waves(observed_.functional(stops + 1));
+        if (!has_waves) return;
+        const Values velocity = observed_.row(observed_.stops(), 0);
         // The quarter of an orbit has half of its half-waves but one.
         const bool quarter = problem_.closure().quarters == 1;
         point_.waves_absorber = quarter ? 2 * absorber.changes + 1 : absorber.changes;
         point_.waves_primary = quarter ? 2 * primary.changes + 1 : primary.changes;
         if (starts_at(End::ORIGIN)) {
-            point_.absorber_start = dot(observed_.row(stops, 0), start_);
-            point_.in_phase = absorber.first * primary.first > 0 ? 1.0 : 0.0;
+            point_.absorber_start = dot(velocity, start_);
+            point_.in_phase = absorber.first() * primary.first() > 0 ? 1.0 : 0.0;
         }
         if (ends_at(End::ORIGIN)) {
-            point_.absorber_end = dot(observed_.row(stops, 0), ends_[problem_.inner()]);
+            point_.absorber_end = dot(velocity, ends_[problem_.inner()]);
             if (!(absorber.last * primary.last > 0)) point_.in_phase = 0.0;
         }
-    }
-
-    /// Sign changes of a velocity along the orbit, and its signs at the first and last instants at which it has one (0:
-    /// it has none).
-    struct Waves {
-        int changes, first, last;
-    };
-
-    /// Velocities are zero at rest. After a flight with large accelerations they are so to more than their rounding. At
-    /// an origin a velocity can be zero, too: its signs are those that the count takes, beside the origin.
-    Waves waves(const Functional& velocity) {
-        Waves found{0, 0, 0};
-        for (int i = 0; i <= problem_.inner(); ++i) {
-            const bool from_rest = i == 0 && starts_at(End::REST),
-                       to_rest = i == problem_.inner() && ends_at(End::REST);
-            const auto path = path_of(problem_.flight(), node(i));
-            const SignChanges part = sign_changes(path, velocity, duration(i), found.last, from_rest, to_rest);
-            if (part.changes < 0) point_.gave_up = 1.0;
-            found.changes += part.changes;
-            found.last = part.sign;
-        }
-        found.first = found.changes % 2 == 0 ? found.last : -found.last;
-        return found;
     }
 
     const Problem& problem_;

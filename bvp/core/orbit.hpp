@@ -35,10 +35,11 @@ private:
 };
 
 /// What is observed of a problem's orbits: functionals along the flights; the displacements that stops and springs
-/// hold, (m + 1, n), and those that nothing resists, (f, n).
+/// hold, (m + 1, n), and those that nothing resists, (f, n); whether two degrees of freedom are looked at as any number.
 struct Watch {
     Observed observed;
     Array<> held, free;
+    bool general;
 };
 
 /// A family of orbits: how its test functions are watched, how many are computed (1: the fold alone, and nothing is
@@ -47,6 +48,11 @@ struct FamilySettings {
     WatchedTests watched;
     FamilyLimits limits;
     int computed, maximum;
+};
+
+/// Energy and quarter period of an orbit; the change of the energy along a tangent, and the tangent's length in the metric.
+struct Course {
+    double energy, alpha, change, length;
 };
 
 /// A multipoint problem with any flight. Arrays have the sizes of `Landing`; their sizes are checked by who calls.
@@ -64,6 +70,13 @@ public:
     /// F'''(y)[a, b, c].
     virtual void twist(Values y, Values a, Values b, Values c, Vector<double> out) = 0;
     virtual void scales(Values y, Vector<double> out) = 0;
+    /// The largest factor by which perturbations grow along a flight.
+    virtual double growth(Values y) = 0;
+    /// The nodes of the full period.
+    virtual void unfold(Values y, Period& out) = 0;
+    /// See `Metric`: position and direction (N + 2,) of the family at y along a tangent (u,); and the row (u,) of a direction.
+    virtual Course course(Values y, Values tangent, Vector<double> position, Vector<double> direction) = 0;
+    virtual void constraint_row(Values y, Values direction, Vector<double> out) = 0;
     virtual void end_states(Values y, Vector<double> out) = 0;
     /// States after the inner nodes, (k, N), from the start state by exact flight over the times of which the first k
     /// count.
@@ -76,6 +89,8 @@ public:
                                                   const Landing& landing, Point& point) = 0;
     virtual bool meet_position(Values position, double near, int most, Values y, Values tangent,
                                const Landing& landing) = 0;
+    /// How many test functions there are, with so many targets.
+    virtual int tests(int targets) const = 0;
     /// The test functions at an observed orbit.
     virtual void test_values(const FamilySettings& family, Values y, Values ends, const Point& point,
                              Vector<double> out) = 0;
@@ -99,12 +114,15 @@ public:
     using Problem = OrbitProblem<Flight>;
     struct Work {
         Work(const Problem& problem, const Watch& watch)
-            : stepper(problem), tests(problem, watch.observed, watch.held, watch.free) {}
+            : stepper(problem), tests(problem, watch.observed, watch.held, watch.free, watch.general) {}
         Stepper<Problem> stepper;
         ConservativeTests<Problem> tests;
     };
 
-    OrbitProblemOf(Problem problem, Watch watch) : problem_(std::move(problem)), watch_(std::move(watch)) {}
+    OrbitProblemOf(Problem problem, Watch watch) : problem_(std::move(problem)), watch_(std::move(watch)) {
+        // Those of an orbit, and of its mirror image.
+        if constexpr (Flight::is_series()) problem_.flight().keep(2 * (problem_.inner() + 1));
+    }
 
     int unknowns() const override { return problem_.unknowns(); }
     int parameters() const override { return problem_.parameters(); }
@@ -160,6 +178,36 @@ public:
         });
     }
 
+    double growth(Values y) override {
+        return with_work([&](Work& work) {
+            auto& newton = work.stepper.newton;
+            newton.evaluate(y);
+            return newton.growth(newton.set_scale(y));
+        });
+    }
+
+    void unfold(Values y, Period& out) override {
+        Array<> ends(problem_.inner() + 1, problem_.size());
+        end_states(y, {ends.data(), size_t(ends.rows()) * ends.columns()});
+        out.unfold(problem_, y, ends);
+    }
+
+    Course course(Values y, Values tangent, Vector<double> position, Vector<double> direction) override {
+        Metric<Problem> metric(problem_);
+        metric.locate(y);
+        const double length = metric.direct(tangent);
+        copy(metric.position, position);
+        copy(metric.direction, direction);
+        return {metric.energy, metric.alpha, metric.change, length};
+    }
+
+    void constraint_row(Values y, Values direction, Vector<double> out) override {
+        Metric<Problem> metric(problem_);
+        metric.locate(y);
+        copy(direction, metric.direction);
+        metric.constraint_row(out);
+    }
+
     void end_states(Values y, Vector<double> out) override {
         const int n = problem_.size();
         problem_.each_flight(y, [&](int i, auto z, double t) { problem_.flight().end(z, t, out.subspan(i * n, n)); });
@@ -206,6 +254,8 @@ public:
             return work.stepper.meet_position(position, near, most, {y.begin(), y.end()}, tangent, landing);
         });
     }
+
+    int tests(int targets) const override { return ConservativeTests<Problem>::count(problem_, targets, watch_.general); }
 
     void test_values(const FamilySettings& family, Values y, Values ends, const Point& point,
                      Vector<double> out) override {

@@ -50,13 +50,18 @@ namespace pair_detail {
 /// One of the four blocks of a half map; returns its largest entry.
 template <class Phi>
 double block(const Phi& phi, int row, int column, LocalSquare<double>& out) {
-    double largest = 0.0;
-    for (int r = 0; r < out.size(); ++r)
-        for (int c = 0; c < out.size(); ++c) {
-            out(r, c) = phi(row * out.size() + r, column * out.size() + c);
-            largest = larger(largest, std::fabs(out(r, c)));
+    const int size = out.size();
+    Local<double> largest(size);
+    for (int r = 0; r < size; ++r) {
+        const double* from = &phi(row * size + r, column * size);
+        for (int c = 0; c < size; ++c) {
+            out(r, c) = from[c];
+            largest[c] = r > 0 ? larger(largest[c], std::fabs(from[c])) : std::fabs(from[c]);
         }
-    return largest;
+    }
+    double found = 0.0;
+    for (double entry : largest) found = larger(found, entry);
+    return found;
 }
 
 /// The formed product b'c, and the noise of its entries and of its factors'.
@@ -71,11 +76,12 @@ struct Product {
 template <class Phi>
 double shifted_determinant(const Phi& phi, Product& product, double shift) {
     const int m = product.entries.size();
-    LocalSquare<double> small(m), large(2 * m);
+    LocalSquare<double> small(m);
     for (int r = 0; r < m; ++r)
         for (int c = 0; c < m; ++c) small(r, c) = 4.0 * product.entries(r, c) + (r == c ? shift : 0.0);
     if (m == 1) return small(0, 0);
     if (const double found = certain_determinant(Matrix<double>(small), product.noise); found == found) return found;
+    LocalSquare<double> large(2 * m);
     for (int r = 0; r < m; ++r)
         for (int c = 0; c < m; ++c) {
             large(r, c) = r == c ? 0.25 * shift : 0.0;
@@ -131,11 +137,12 @@ void half_map_tests(const Phi& phi, bool start_keeps_velocity, bool finish_keeps
                  speeds = orbit.speeds;
     Product product{LocalSquare<double>(m), noise * 4.0 * m * size_b * size_c, noise * std::sqrt(size_b * size_c),
                     size_b > 0.0 && size_c > 0.0 ? std::sqrt(size_b / size_c) : 1.0};
-    for (int r = 0; r < m; ++r)
-        for (int k = 0; k < m; ++k) {
-            product.entries(r, k) = 0.0;
-            for (int i = 0; i < m; ++i) product.entries(r, k) += b(i, r) * c(i, k);
-        }
+    for (int r = 0; r < m; ++r) {
+        double *__restrict row = &product.entries(r, 0), *__restrict from = &c(0, 0);
+        for (int k = 0; k < m; ++k) row[k] = 0.0;
+        for (int i = 0; i < m; ++i, from += m)
+            for (int k = 0; k < m; ++k) row[k] += b(i, r) * from[k];
+    }
     out[0] = speeds * certain_determinant(Matrix<double>(b), noise * largest / of_b);
     out[1] = speeds * certain_determinant(Matrix<double>(a), noise * largest / of_a);
     out[2] = speeds * certain_determinant(Matrix<double>(d), noise * largest * of_a);

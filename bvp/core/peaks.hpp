@@ -172,7 +172,10 @@ private:
 template <class Path>
 bool raise_peaks(const Path& path, const Displacements& rows, double duration, Values end, const Peaks& peaks) {
     constexpr double RENEWED = 8.0;  // radians of the fastest motion after which bounds are taken anew
-    for (int i = 0; i < rows.count(); ++i) peaks.raise(i, dot(rows.value[i], path.begin()), 0.0);
+    for (int i = 0; i < rows.count(); ++i) {
+        if (!(std::fabs(dot(rows.value[i], end)) < INFINITE)) return false;
+        peaks.raise(i, dot(rows.value[i], path.begin()), 0.0);
+    }
     if (const StepTable* table = path.steps()) {
         if (!PeakWalk<Path>(path, *table, rows, peaks).run(duration, end)) return false;
     } else {
@@ -184,7 +187,8 @@ bool raise_peaks(const Path& path, const Displacements& rows, double duration, V
                 path.state(t, state);
                 window = path.window(t, std::fmin(duration - t, longest));
                 const double reached = std::fmax(peaks.size[i], at_end);
-                if (path.bounds(rows.value[i], t, state, duration - t).level <= reached) break;
+                const bool covered = path.window(t, duration - t) >= duration - t;
+                if (covered && path.bounds(rows.value[i], t, state, duration - t).level <= reached) break;
                 if (path.bounds(rows.value[i], t, state, window).level <= reached) continue;
                 const Bounds bounds = path.bounds(rows.velocity[i], t, state, window);
                 if (!PeakSearch<Path>(path, rows, i, peaks).climb(t, window, bounds.second, bounds.third)) return false;

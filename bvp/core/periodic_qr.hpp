@@ -254,7 +254,7 @@ int ProductChain<M>::eigenvalues(Product&& product) {
         } else if (low == high - 1) {
             two_eigenvalues(low);
             high -= 2, steps = 0;
-        } else if (steps == MOST_STEPS) {
+        } else if (steps == MOST_QR_STEPS) {
             return 0;
         } else {
             if (low > 0) h(low, low - 1) = 0.0;

@@ -6,7 +6,8 @@
 ///            two ends   L exp(B t_k) z_k = l                       (n equations; z_0 = Z s + c)
 ///            periodic   R exp(B t_k) z_k + xi grad H(z_0) - z_0 = 0,  g . z_0 - bound = 0
 ///
-/// The start of a periodic orbit is an impact, which is its phase condition. xi is the unfolding parameter of the
+/// The start of a periodic orbit is an impact, which is its phase condition. Without impacts it is where the sum of the
+/// modal displacements is largest: g is then the row of its rate. xi is the unfolding parameter of the
 /// conserved energy (Munoz-Almaraz et al., Physica D 181 (2003) 1), a kick along grad H at the closure: H(z_0) = H(z_0
 /// - xi grad H) forces xi = 0 on every solution. There is one unknown more than equations: a family.
 ///
@@ -49,11 +50,17 @@ public:
     /// contact (k + 2,): of each inner node (-1: a cut), of the closing node and of the start (-1: none).
     OrbitProblem(Flight flight, Contacts contacts, Closure closure, std::vector<int> contact)
         : flight_(std::move(flight)), contacts_(std::move(contacts)), closure_(std::move(closure)),
-          contact_(std::move(contact)) {}
+          contact_(std::move(contact)), end_columns_(closure_.end_map.columns(), closure_.end_map.rows()), phase_(size(), 0.0) {
+        for (int r = 0; r < end_columns_.rows(); ++r)
+            for (int e = 0; e < end_columns_.columns(); ++e) end_columns_(r, e) = closure_.end_map(e, r);
+        std::fill(phase_.begin() + size() / 2, phase_.end(), 1.0);
+    }
 
     const Flight& flight() const { return flight_; }
     const Closure& closure() const { return closure_; }
     const Contacts& contacts() const { return contacts_; }
+    /// The transpose of L: sums over a state then run along the closing equations.
+    const Array<>& end_columns() const { return end_columns_; }
 
     constexpr int size() const { return flight_.size(); }
     /// Equations of a flight to the next node.
@@ -79,11 +86,12 @@ public:
     int contact(int node) const { return contact_[node]; }
     /// Node of the contact at the start.
     int start_node() const { return inner() + 1; }
-    Values gap(int node) const { return contacts_.gap[contact_[node]]; }
+    /// Row g of the contact at a node, or of the phase condition.
+    Values gap(int node) const { return hits(node) ? contacts_.gap[contact_[node]] : Values(phase_); }
     Values rate(int node) const { return contacts_.rate[contact_[node]]; }
     Values push(int node) const { return contacts_.push[contact_[node]]; }
     double side(int node) const { return contacts_.side[contact_[node]]; }
-    double bound(int node) const { return contacts_.bound[contact_[node]]; }
+    double bound(int node) const { return hits(node) ? contacts_.bound[contact_[node]] : 0.0; }
     double jump(int node) const { return 1.0 + contacts_.restitution[contact_[node]]; }
 
     /// z_0 = Z s + c.
@@ -143,10 +151,9 @@ public:
             out[row + size()] = place(inner(), &y[0]);
         } else {
             // Equation (30): the end condition.
-            for (int c = 0; c < closure_.end_map.rows(); ++c) {
-                out[row + c] = -closure_.end_offset[c];
-                for (int r = 0; r < size(); ++r) out[row + c] += closure_.end_map(c, r) * before[inner()][r];
-            }
+            for (int e = 0; e < closers(); ++e) out[row + e] = -closure_.end_offset[e];
+            for (int r = 0; r < size(); ++r)
+                for (int e = 0; e < closers(); ++e) out[row + e] += end_columns_(r, e) * before[inner()][r];
         }
     }
 
@@ -242,18 +249,18 @@ private:
 
     template <class Landing, class Along, class Elimination>
     void end_columns(Landing& landing, Along& along, Values scale, Elimination& out) const {
-        const int k = inner(), at = begin(k), closers = closure_.end_map.rows();
+        const int k = inner(), at = begin(k), count = closers();
         State<> by_state(size());
+        Local<double> total(count);
         for (int c = 0; c <= states(k); ++c) {
             if (c < states(k)) by_unknown(k, landing, c, by_state);
             else copy(along, by_state);
+            for (double& entry : total) entry = 0.0;
+            for (int r = 0; r < size(); ++r)
+                if (const double entry = by_state[r]; entry != 0.0)  // a mode that moves alone has two
+                    for (int e = 0; e < count; ++e) total[e] += end_columns_(r, e) * entry;
             double* row = out.closing(at + c);
-            for (int e = 0; e < closers; ++e) {
-                double total = 0.0;
-                for (int r = 0; r < size(); ++r)
-                    if (const double entry = closure_.end_map(e, r); entry != 0.0) total += entry * by_state[r];
-                row[e] += total * scale[at + c];
-            }
+            for (int e = 0; e < count; ++e) row[e] += total[e] * scale[at + c];
         }
     }
 
@@ -261,6 +268,8 @@ private:
     Contacts contacts_;
     Closure closure_;
     std::vector<int> contact_;
+    Array<> end_columns_;
+    std::vector<double> phase_;  // (N,)
 };
 
 }  // namespace saltus

@@ -99,9 +99,9 @@ void follow(const Starts& starts, double theta, double longest, double latest, i
     for (out.count = 0; out.count <= most;) {
         if (out.count == int(out.flights.size())) out.flights.emplace_back();
         FlightRecord& flight = out.flights[out.count++];
+        flight = FlightRecord();
         flight.begin = now;
         flight.time = time;
-        flight.clearance.value = NOT_A_NUMBER;
         flight.contact = AHEAD;
         if (time.value > latest + slack) return;
         State4 begin = now.z;  // a touch moves it
@@ -147,7 +147,7 @@ void StartScan::follow(const PlanarSystem& system, Values start, const Found& ou
         if (found.found != saltus::Found::HIT && found.found != saltus::Found::NONE) return;
         if (kind != STOP && wanted[k]) {
             const Functional rows{system.gap(order), system.gap(order + 1), system.gap(order + 2)};
-            const int count = crossing_times(path_of(system.flight(), before.z), rows, found.time, zeros);
+            const int count = crossing_times(path_of(system.flight(), before.z, found.time), rows, found.time, zeros);
             if (count < 0) return;
             for (int c = 0; c < std::min(count, room); ++c)
                 record(k, c, elapsed + zeros[c], system.fly(before, zeros[c]).z);

@@ -126,11 +126,12 @@ public:
     /// Step by ds from y along its tangent; with ds = 0, y itself is corrected. Fills the point up to `branching`, and
     /// the landing.
     ///
-    /// tangent (2 u,) or (3 u,): with the curvature, and the third derivative. All zero: the new tangent is turned as
-    /// it comes.
+    /// tangent (2 u,) or (3 u,): with the curvature, and the third derivative. All zero: y itself is corrected, and the
+    /// new tangent is turned as it comes.
     bool step(Values y, Values tangent, double ds, int maximum, const Landing& landing, Point& point) {
         std::fill(row_.begin(), row_.end(), 0.0);
         const bool oriented = predict(y, tangent, ds, landing.y);
+        if (!oriented) ds = 0.0;
         double target = 0.0;
         if (oriented) {
             old_.locate(y);

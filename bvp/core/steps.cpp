@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "path.hpp"
+
 namespace saltus {
 
 namespace {
@@ -15,30 +17,6 @@ constexpr double NOISE = 1e-12;
 bool moves_away(double slope, double bend, double jerk, double fourth, double h) {
     return slope > 0.0 && slope + bend * h / 6.0 > 0.0 && slope + bend * h / 3.0 + jerk * h * h / 18.0 > 0.0 &&
            slope + bend * h / 2.0 + jerk * h * h / 6.0 - fourth * h * h * h / 24.0 > 0.0;
-}
-
-/// A functional and two derivatives by the part of a step, at one of its ends.
-struct End {
-    double value, slope, bend;
-};
-
-/// The part of a step at which a functional passes a bound, by the polynomial of fifth order through both ends: a cubic
-/// and what the second derivatives add. It is nearer than the cubic by two orders, which saves most of the work on the
-/// exact flight.
-double zero_in_step(const End& begin, const End& end, double bound) {
-    const double rise = end.value - begin.value, second = 3.0 * rise - 2.0 * begin.slope - end.slope;
-    const double third = begin.slope + end.slope - 2.0 * rise, more = 0.5 * begin.bend - second;
-    const double change = 0.5 * end.bend - second - 3.0 * third - more;
-    double s = (bound - begin.value) / rise;
-    for (int count = 0; count < 2; ++count) {
-        const double rest = 1.0 - s, window = s * rest, extra = more + change * s;
-        const double value = begin.value + s * (begin.slope + s * (second + s * third)) +
-            window * window * extra - bound;
-        const double slope = begin.slope + s * (2.0 * second + 3.0 * s * third) +
-            window * (2.0 * (rest - s) * extra + window * change);
-        if (slope != 0.0) s = std::min(std::max(s - value / slope, 0.0), 1.0);
-    }
-    return s;
 }
 
 double sum(const double* row, const double* state, int size) {
@@ -174,9 +152,9 @@ StepWalk::Reason StepWalk::go_on() {
             const StepStops::Stop& stop = stops_[ahead];
             const Watch& watch = watches_[ahead];
             const bool up = watch.v > 0.0;
-            const End begin{watch.w, h * watch.v, h * h * sum(stop.acceleration, state, 2 * count)};
-            const End end{watch.next_w, h * watch.next_v, h * h * sum(stop.acceleration, out, 2 * count)};
-            const double part = zero_in_step(begin, end, up ? stop.upper : stop.lower);
+            const Sample begin{watch.w, watch.v, sum(stop.acceleration, state, 2 * count)};
+            const Sample end{watch.next_w, watch.next_v, sum(stop.acceleration, out, 2 * count)};
+            const double part = zero_in_step(begin, end, h, up ? stop.upper : stop.lower);
             hit_ = {up ? stop.high : stop.low, t_, t_ + h, t_ + part * h, watch.curvature, watch.third};
             return HIT;
         }

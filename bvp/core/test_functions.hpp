@@ -60,21 +60,28 @@ inline void common_tests(const Point& point, const FamilyLimits& limits, Vector<
 template <class Problem>
 class ConservativeTests {
     static constexpr int SIZE = Problem::SIZE;
-    static constexpr bool PAIR = SIZE == 4;
 
 public:
-    /// held (m + 1, n), free (f, n): see `OrbitStability`.
+    /// held (m + 1, n), free (f, n): see `OrbitStability`. general: take what holds for any degrees of freedom, also
+    /// where there are two.
     ConservativeTests(const Problem& problem, const Observed& observed, Matrix<const double> held,
-                      Matrix<const double> free)
-        : stability(problem, held, free), problem_(problem), observed_(observed) {}
+                      Matrix<const double> free, bool general)
+        : stability(problem, held, free), problem_(problem), observed_(observed),
+          is_pair_(problem.size() == 4 && !general) {}
 
     OrbitStability<Problem> stability;
+
+    /// Number of the test functions.
+    static int count(const Problem& problem, int targets, bool general) {
+        if (problem.periodic()) return COMMON_TESTS + 2 + targets;
+        return COMMON_TESTS + 3 + (problem.closure().quarters == 1) + (problem.size() != 4 || general) + targets;
+    }
 
     /// What is seen along the orbit, and of two degrees of freedom the half map and the multipliers, into the point.
     void observe(Values y, Values ends, Point& point) {
         const Matrix<const double> states(ends.data(), problem_.inner() + 1, problem_.size());
         Observation(problem_, observed_, y, states, point).run();
-        if constexpr (PAIR) {
+        if (is_pair()) {
             const PairStability found = stability.pair(problem_, y, states);
             point.a = found.a, point.b = found.b, point.c = found.c, point.d = found.d;
             point.magnified = found.magnified, point.singular = found.is_singular;
@@ -104,15 +111,23 @@ public:
         const Matrix<const double> states(ends.data(), problem_.inner() + 1, problem_.size());
         const Closure& closure = problem_.closure();
         if (problem_.periodic()) return closed_orbit_tests(problem_, y, states, stability, orbit, after);
-        if constexpr (PAIR) stability.set_half_map(point.a, point.b, point.c, point.d);
+        if (is_pair()) stability.set_half_map(point.a, point.b, point.c, point.d);
         else stability.find_half_map(problem_, y, states);
-        half_map_tests(stability.phi(), closure.start == End::ORIGIN, closure.finish == End::ORIGIN,
-                       std::ldexp(1.0, closure.pace), closure.quarters, !PAIR, orbit, after);
+        const double rate = closure.pace == UNPACED ? 1.0 / point.quarter_period : std::ldexp(1.0, closure.pace);
+        half_map_tests(stability.phi(), closure.start == End::ORIGIN, closure.finish == End::ORIGIN, rate,
+                       closure.quarters, !is_pair(), orbit, after);
     }
 
 private:
+    /// Whether there is one pair of multipliers.
+    bool is_pair() const {
+        if constexpr (SIZE != DYNAMIC && SIZE != 4) return false;
+        return is_pair_;
+    }
+
     const Problem& problem_;
     const Observed& observed_;
+    bool is_pair_;
 };
 
 }  // namespace saltus

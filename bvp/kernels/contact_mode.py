@@ -15,7 +15,6 @@ import numpy as np
 
 from bvp.kernels.compiled import chosen, inlined, kernel, shared
 from bvp.kernels.flight import Contacts, Flight, amplitudes, copy_1, inner, row_dot, set_1, set_2
-from bvp.kernels.flights import rate
 
 START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE, CHATTER = range(8)
 """Kinds of events in the log: the start; an impact; a touch; a contact that sticks from here on; one that is released; a load that is
@@ -315,16 +314,6 @@ def impact_columns(rate_rows, push, c, jump, matrix):
         if change != 0.0:
             for r in range(size):
                 matrix[r, column] -= change * push[c, r]
-
-
-@inlined
-def land(flight, rate_rows, push, c, jump, before, flow, along):
-    """J = R exp(B t) from `flow` = exp(B t), in place, and F = R B z- into `along`, for the state z- = `before`. jump = 0: no impact."""
-    # Equation (27): R B z- and R exp(B t).
-    rate(flight, before, along)
-    if jump != 0.0:
-        apply_impact(rate_rows, push, c, jump, along, along)
-        impact_columns(rate_rows, push, c, jump, flow)
 
 
 @inlined

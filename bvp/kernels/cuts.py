@@ -5,9 +5,7 @@ states at the cuts between them are unknowns.
 """
 
 from bvp.kernels.compiled import chosen, inlined
-from bvp.kernels.flight import Flight
 from bvp.kernels.loads import LoadedFlight
-from bvp.kernels.smooth import SmoothFlight
 from bvp.kernels.smooth_loads import SmoothLoadedFlight
 
 
@@ -16,7 +14,6 @@ def is_smooth(flight):
     """Whether a flight has smooth forces: it is a series in time, which takes longer and has an error."""
 
 
-@is_smooth.of(Flight)
 @is_smooth.of(LoadedFlight)
 @inlined
 def is_exact(flight):
@@ -24,15 +21,8 @@ def is_exact(flight):
     return False
 
 
-@is_smooth.of(SmoothFlight)
 @is_smooth.of(SmoothLoadedFlight)
 @inlined
 def is_series(flight):
     """See `is_smooth`."""
     return True
-
-
-@inlined
-def is_cut(flight, side, i):
-    """Whether node i is a cut, where no side of a stop is hit."""
-    return is_smooth(flight) and side[i] == 0.0

@@ -267,14 +267,6 @@ def flight_at(begins, time):
 
 
 @kernel
-def sample_flights(flight, begins, states, times, out):
-    """out[i] = state at times[i] of flights of one system that begin at begins (F,) with states (F, N), as in `flight_at`."""
-    for i in range(times.shape[0]):
-        k = flight_at(begins, times[i])
-        flow_state(flight, states[k], times[i] - begins[k], out[i])
-
-
-@kernel
 def set_1(array, value):
     """array (n,) = value."""
     for i in range(array.shape[0]):

@@ -6,53 +6,13 @@ coordinates of the linear part, whose mass matrix is the identity.
 """
 
 import math
-from typing import NamedTuple
-
-import numpy as np
 
 from bvp.kernels.compiled import chosen, inlined, kernel
-from bvp.kernels.flight import ROUNDING, Flight, amplitudes, block_product, fastest_rate, flow_inside, flow_matrix, flow_state, growth_rate
+from bvp.kernels.flight import ROUNDING, Flight, amplitudes, block_product, fastest_rate, flow_inside, flow_state, growth_rate
 
 NEAR_TERMS = 14
 NEAR_REACH = 0.25
 """|B| t up to which the series from the start is used: its 14 terms truncate below 1e-19."""
-
-
-@chosen
-def flight_end(flight, z, t, out, jacobian):
-    """out (N,) = the state after a flight of time t from z, jacobian (N, N) = its derivative by z. Both are NaN where it has no end."""
-
-
-@flight_end.of(Flight)
-@inlined
-def fly_linear(flight, z, t, out, jacobian):
-    """See `flight_end`: exp(B t)."""
-    flow_matrix(flight, t, jacobian)
-    block_product(flight.pairs, jacobian, z, out)
-
-
-@chosen
-def flight_map(flight, z, t, jacobian):
-    """The derivative of the end by the state z at the begin alone."""
-
-
-@flight_map.of(Flight)
-@inlined
-def linear_map(flight, z, t, jacobian):
-    """See `flight_map`."""
-    flow_matrix(flight, t, jacobian)
-
-
-@chosen
-def flow_product(flight, flow, z, out):
-    """out = flow z, flow being a derivative of ends by begins."""
-
-
-@flow_product.of(Flight)
-@inlined
-def linear_flow_product(flight, flow, z, out):
-    """See `flow_product`: the derivative is in blocks."""
-    block_product(flight.pairs, flow, z, out)
 
 
 @chosen
@@ -97,38 +57,9 @@ def velocity_unit(flight, end, velocity, duration):
     duration, if the forces are so large that this is more. A duration is known to a part eps, so no residual is below eps of that."""
 
 
-@velocity_unit.of(Flight)
-@inlined
-def linear_velocity_unit(flight, end, velocity, duration):
-    """See `velocity_unit`: forces are no larger than displacements."""
-    return velocity
-
-
 @chosen
 def comes_with_map(flight):
     """Whether the end of a flight takes so long that a new factorisation of its derivatives costs little beside it."""
-
-
-@comes_with_map.of(Flight)
-@inlined
-def comes_alone(flight):
-    """See `comes_with_map`."""
-    return False
-
-
-@chosen
-def twice_energy(flight, weights, z):
-    """2 H. weights (N,): those of the quadratic part, sum(weights z^2)."""
-
-
-@twice_energy.of(Flight)
-@inlined
-def twice_quadratic_energy(flight, weights, z):
-    """See `twice_energy`."""
-    total = 0.0
-    for r in range(z.shape[0]):
-        total += weights[r] * z[r] * z[r]
-    return total
 
 
 @chosen
@@ -141,64 +72,6 @@ def potential_energy(flight, z):
 def no_potential_energy(flight, z):
     """See `potential_energy`: there are none."""
     return 0.0
-
-
-@chosen
-def squared_speed(flight, weights, z):
-    """2 H at a state: the square of a size of velocities."""
-
-
-@squared_speed.of(Flight)
-@inlined
-def quadratic_squared_speed(flight, weights, z):
-    """See `squared_speed`."""
-    total = 0.0
-    for r in range(z.shape[0]):
-        total += weights[r] * z[r] ** 2
-    return total
-
-
-class QuadraticSlope(NamedTuple):
-    """grad H of a quadratic energy at the state z scale."""
-
-    weights: np.ndarray  # (N,)
-    z: np.ndarray  # (N,)
-    scale: float
-
-
-@chosen
-def energy_slope(flight, weights, z, scale):
-    """grad H at the state z scale: its entries are `slope_times` of what is returned."""
-
-
-@energy_slope.of(Flight)
-@inlined
-def quadratic_slope(flight, weights, z, scale):
-    """See `energy_slope`."""
-    return QuadraticSlope(weights, z, scale)
-
-
-@chosen
-def slope_times(slope, r, factor):
-    """Entry r of grad H, times a factor."""
-
-
-@slope_times.of(QuadraticSlope)
-@inlined
-def quadratic_slope_times(slope, r, factor):
-    """See `slope_times`."""
-    return factor * slope.weights[r] * slope.z[r] * slope.scale
-
-
-@chosen
-def add_bend(flight, z, factor, e, scale, column):
-    """Add row e of the second derivative of the smooth forces' energy at z, times a factor and the columns' scale, to a column."""
-
-
-@add_bend.of(Flight)
-@inlined
-def no_bend(flight, z, factor, e, scale, column):
-    """See `add_bend`: there are none."""
 
 
 @chosen

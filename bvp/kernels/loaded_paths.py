@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels import multipoint as entry
+from bvp.kernels import smooth  # noqa: F401  a kind of flight
 from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.extrema import INSTANT, TIE, Observed, clearance, nearer, nearest_turn, note_contact, slack_of, tie_of
 from bvp.kernels.flight import Flight, flow_state, growth_rate, inner, row_dot, set_1, set_2, times_matrix

@@ -23,10 +23,9 @@ import math
 from numpy import int64
 
 from bvp.kernels.compiled import chosen, inlined, kernel
-from bvp.kernels.cuts import is_cut
 from bvp.kernels.flight import copy_1, inner
-from bvp.kernels.flights import comes_with_map, twice_energy, velocity_unit
-from bvp.kernels.multipoint import ORIGIN, Segment, evaluate, fill, start_state
+from bvp.kernels.flights import comes_with_map
+from bvp.kernels.multipoint import evaluate, fill
 
 LINEARISED = -1
 """In place of the most iterations: the residual and its Jacobian alone are computed."""
@@ -185,59 +184,6 @@ def set_scale(segment, y, factor):
     """Fill factor.scale with the sizes of the unknowns at y. Returns those of displacements, velocities and flight times."""
 
 
-@set_scale.of(Segment)
-@inlined
-def set_free_scale(segment, y, factor):
-    """Scale of the unknowns: largest displacement, largest velocity (both in modal units) and longest flight."""
-    size = segment.gap.shape[1]
-    half = size // 2
-    k = segment.shape[0]
-    s = segment.start_map.shape[1]
-    z = factor.work[0]
-    start_state(segment.start_map, segment.start_offset, y, z[:size])
-    displacement = 0.0
-    longest = 0.0
-    # 2h: near the grazing of a mode the velocities at all nodes are small.
-    velocity = math.sqrt(twice_energy(segment.flight, segment.weights, z[:size]))
-    at = s
-    for i in range(k + 1):
-        if i > 0:
-            copy_1(y[at : at + size], z[:size])
-            at += size
-        for r in range(half):
-            displacement = max(displacement, abs(z[r]))
-            velocity = max(velocity, abs(z[half + r]))
-            displacement = max(displacement, abs(factor.before[i, r]))
-            velocity = max(velocity, abs(factor.before[i, half + r]))
-        longest = max(longest, abs(y[at]))
-        at += 1
-    if k == 0 and segment.shape[3] == ORIGIN and segment.shape[4] == ORIGIN:
-        displacement = velocity * longest  # at its ends only rounding is left of them
-    if displacement == 0.0:
-        displacement = 1.0
-    if velocity == 0.0:
-        velocity = displacement
-    if longest == 0.0:
-        longest = 1.0
-    scale = factor.scale
-    for j in range(s):
-        total = 0.0
-        for r in range(half):
-            total += abs(segment.start_map[r, j])
-        scale[j] = displacement if total > 0.0 else velocity
-    scale[s] = longest
-    at = s + 1
-    for _ in range(k):
-        for r in range(half):
-            scale[at + r] = displacement
-            scale[at + half + r] = velocity
-        scale[at + size] = longest
-        at += size + 1
-    if segment.shape[1] == 1:
-        scale[at] = 1.0
-    return displacement, velocity, longest
-
-
 @inlined
 def factorise(segment, y, factor, displacement, velocity):
     """Factorise the Jacobian at y, which is in the factor arrays (`fill`). displacement, velocity: their scales, from `set_scale`.
@@ -327,50 +273,11 @@ def residual_level(segment):
     """Scaled residual at which a solution needs no further update to show that the updates shrink."""
 
 
-@residual_level.of(Segment)
-@inlined
-def free_residual_level(segment):
-    """See `residual_level`."""
-    return CONVERGED_RESIDUAL
-
-
 @chosen
 def scaled_residual(segment, residual, before, displacement, velocity, longest):
     """Largest residual, displacements and velocities each by their own scale: see `bvp.kernels.flights.velocity_unit`.
 
     before: the states at the ends of the flights."""
-
-
-@scaled_residual.of(Segment)
-@inlined
-def scaled_free_residual(segment, residual, before, displacement, velocity, longest):
-    """See `scaled_residual`."""
-    size = segment.gap.shape[1]
-    half = size // 2
-    rows = size + 1
-    k = segment.shape[0]
-    worst = 0.0
-    full = k + 1 if segment.shape[1] == 1 else k
-    for i in range(full):
-        unit = velocity_unit(segment.flight, before[i], velocity, longest)
-        along = inner(segment.gap[i, :half], segment.gap[i, :half])
-        for r in range(rows):
-            value = abs(residual[i * rows + r]) / (unit if half <= r < size else displacement)
-            if r == size and i < k and is_cut(segment.flight, segment.side, i):
-                value = 0.0  # each update fulfils equation (45), which is linear
-            elif r == size and along > 0.0:
-                value /= math.sqrt(along)  # a distance in units of length
-            if not value <= worst:
-                worst = value
-    unit = velocity_unit(segment.flight, before[k], velocity, longest)
-    for e in range(residual.shape[0] - full * rows):
-        total = 0.0
-        for c in range(half):
-            total += abs(segment.end_map[e, c])
-        value = abs(residual[full * rows + e]) / (displacement * total if total > 0.0 else unit)
-        if not value <= worst:
-            worst = value
-    return worst
 
 
 @inlined

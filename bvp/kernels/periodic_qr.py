@@ -9,7 +9,6 @@ equal or nearly equal size, which sweeps without shifts do not.
 import math
 
 from bvp.kernels.compiled import inlined, kernel, shared
-from bvp.kernels.pencil import rotation
 
 _EPSILON = 2.220446049250313e-16
 
@@ -18,6 +17,15 @@ _STEPS = 300
 
 _LARGE = 1e100
 """Products outside 1/this .. this are scaled by a power of two."""
+
+
+@inlined
+def rotation(a, b):
+    """c, s with c a + s b = r, -s a + c b = 0."""
+    if b == 0.0:
+        return 1.0, 0.0
+    r = math.hypot(a, b)
+    return a / r, b / r
 
 
 @inlined

@@ -12,8 +12,10 @@ import numpy as np
 import saltus_core
 
 from bvp.multipoint import MultipointProblem
+from bvp.smooth_flights import core_flight
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus import discover, trace
+from tests.core.smooth_systems import chain, wall
 
 ONE = "sqrt sin cos tan exp expm1 log log1p sinh cosh tanh asinh asin acos atan".split()
 TWO = "pow hypot atan2".split()
@@ -62,7 +64,26 @@ def searches():
 
 CHAIN = np.array([[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.5]])
 
-PARTS = [elementary_functions, families, searches]
+def modes():
+    """Of damped chains, whose modes are coupled, uncoupled and overdamped."""
+    for damping in (0.0, 0.125, 2.0, 40.0):
+        dampers = damping * np.diag([1.0, 0.0, 0.25])
+        found = ImpactSystem(np.diag([1.0, 2.0, 0.5]), dampers, CHAIN, [Stop((0.0, 0.0, 1.0), -1.0, 1.0)]).modes
+        yield f"blocks at {damping}", found.matrix
+        yield f"states at {damping}", np.concatenate([found.to_state, found.from_state.T])
+        yield f"impulses at {damping}", found.contacts.push
+
+
+def smooth_flights():
+    """Ends of flights with smooth forces, and their derivatives."""
+    for name, system in {"chain": chain(3), "wall": wall(2), "root": wall(2, "sqrt(1 + w**2)*tanh(w)**3")}.items():
+        flight = core_flight(system)
+        for time in (0.375, 3.0):
+            end, derivative = flight.end_with_map(np.arange(1, flight.size + 1) / 8.0, time)
+            yield f"{name} at {time}", np.concatenate([[end], derivative])
+
+
+PARTS = [elementary_functions, families, searches, modes, smooth_flights]
 
 
 def lines():

@@ -17,7 +17,7 @@ def eliminated(flights, rows, start, jacobian, periodic):
     """The factorised elimination, and its pivots."""
     closers = len(jacobian) - flights * rows
     elimination = saltus_core.BlockElimination(flights, rows, start, closers, periodic)
-    return elimination, elimination.factorise(np.ascontiguousarray(jacobian), flights, rows, np.zeros(closers))
+    return elimination, elimination.factorise(np.ascontiguousarray(jacobian), np.zeros(closers))
 
 
 @settings(max_examples=25)

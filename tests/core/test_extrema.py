@@ -9,6 +9,7 @@ import saltus_core as core
 from bvp.kernels import extrema as kernels
 from bvp.kernels.impact import work_array
 from bvp.multipoint import observed_of
+from bvp.system import ImpactSystem, Stop
 from tests.bvp.test_extrema import random_system
 from tests.bvp.test_impact import oscillator
 from tests.bvp.test_impact import random_system as full_system
@@ -43,13 +44,31 @@ def trials(system, count=10):
         yield z, float(rng.choice([0.01, 0.3, 3.0, 20.0])), rows
 
 
+@pytest.mark.parametrize("a", [0.3, -0.6])
+@pytest.mark.parametrize("depth", [sign * 10.0**-k for k in range(1, 11) for sign in (1.0, -1.0)])
+def test_short_dips_below_zero_are_counted(a, depth):
+    """Oracle: (cos t - a)^2 - depth is zero where cos t = a +- sqrt(depth). Two zeros are up to 1e-5 apart, or there are none."""
+    system = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.diag([0.0, 1.0, 4.0]), (Stop((1.0, 0.0, 0.0), -1.0, 1.0),))
+    z = system.modes.from_state @ np.array([0.5 + a * a - depth, -2.0 * a, 0.5, 0.0, 0.0, 0.0])
+    angles = [math.acos(a + side * math.sqrt(depth)) for side in (-1.0, 1.0)] if depth > 0.0 else []
+    times = sorted(t for angle in angles for turn in range(4) for t in (math.tau * turn + angle, math.tau * (turn + 1) - angle) if t < 20.0)
+    rows, flight, found = np.array(arrays(system, np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]))), Searches(system).flight, np.zeros(20)
+    assert core.sign_changes(flight, rows, z, 20.0, 0, False, False)[0] == len(times)
+    assert core.crossing_times(flight, rows, z, 20.0, found) == len(times)
+    np.testing.assert_allclose(found[: len(times)], times, atol=1e-13 / math.sqrt(abs(depth)))
+
+
 @pytest.mark.parametrize("system", list(systems()))
 def test_sign_changes_are_those_of_the_kernels(system):
     flight, core_flight = system.modes.flight, Searches(system).flight
     for z, duration, rows in trials(system):
-        for at_zero in (False, True):
-            expected = kernels.sign_changes(flight, *rows, z, duration, 0, at_zero, at_zero, np.empty(len(z)))
-            assert core.sign_changes(core_flight, np.array(rows), z, duration, 0, at_zero, at_zero) == expected
+        at_zero = z - rows[0] * (rows[0] @ z) / (rows[0] @ rows[0])
+        before = core_flight.end(at_zero, -duration)
+        simple = bool(abs(rows[1] @ at_zero) > 1e-6)  # the sign beside a double zero is that of rounding
+        comes_back = simple and np.allclose(core_flight.end(before, duration), at_zero, rtol=0.0, atol=1e-9)
+        for state, begins, ends in ((z, False, False), *[(at_zero, True, False)] * simple, *[(before, False, True)] * comes_back):
+            expected = kernels.sign_changes(flight, *rows, state, duration, 0, begins, ends, np.empty(len(z)))
+            assert core.sign_changes(core_flight, np.array(rows), state, duration, 0, begins, ends) == expected
         times, found = np.zeros(400), np.zeros(400)
         expected = kernels.crossing_times(flight, *rows, z, duration, times, np.empty(len(z)))
         assert core.crossing_times(core_flight, np.array(rows), z, duration, found) == expected

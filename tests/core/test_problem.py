@@ -14,7 +14,9 @@ import saltus_core
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import RESULT
 from bvp.multipoint import RESULT_INDEX, MultipointProblem
-from bvp.orbits import CoreOrbits
+from bvp.orbits import Orbits
+from bvp.stability import chain_half_map
+from bvp.system import ImpactSystem, Stop
 from tests.bvp.orbits import chains, collection
 
 
@@ -97,6 +99,25 @@ def test_threads_share_a_problem():
             np.testing.assert_array_equal(one.result, other.result)
 
 
+def test_test_functions_of_free_masses():
+    """Oracle: the entries of the half map times the product of the speeds. Without a frequency the unit of time is the quarter period: ends
+    of different kinds made the noise of the entries infinite. The last one, which is 0, has no sign."""
+    stops = (Stop((1.0, -1.0), -1.0, 1.0), Stop((1.0, 0.0), -1.0, 1.0))
+    system = ImpactSystem(np.diag([1.0, 2.0]), np.zeros((2, 2)), np.zeros((2, 2)), stops)
+    problem, z = MultipointProblem(system, ("origin", "stopa-"), ("b+",)), system.modes.from_state
+    for speed in (1.0, 1e3):
+        start, node = (z @ np.array(state) for state in ([0.0, 0.0, speed, 0.5 * speed], [1.0, 0.5, -speed, 0.5 * speed]))
+        found = problem.solve(problem.pack(start, [node], [1.0 / speed, 1.0 / speed]))
+        count = 11 + 3 + (problem.quarters == 1)
+        family = saltus_core.OrbitFamily(problem.orbits.core, [], [], -math.inf, math.inf, math.inf, 2e-13, [], count, 12)
+        tests = np.empty(count)
+        family.values(found.y, found.ends, found.result, tests)
+        assert np.array_equal(tests[11:13], [found["speeds"] * found["b"], found["speeds"] * found["a"]])
+        assert abs(tests[11]) > 0.1 and math.isnan(tests[13])
+        phi = chain_half_map(problem, found)[0]
+        np.testing.assert_allclose([found["a"], found["b"]], phi[0], rtol=1e-12)
+
+
 def test_names_are_those_of_the_kernels():
     assert tuple(saltus_core.POINT_NAMES) == RESULT and len(set(RESULT)) == len(RESULT)
 
@@ -113,7 +134,7 @@ def test_wrong_sizes_are_refused():
     problem.contacts[-1] = 99
     try:
         with pytest.raises(ValueError, match="a contact that the system does not have"):
-            CoreOrbits(problem)
+            Orbits(problem)
     finally:
         problem.contacts[-1] = -1
     assert math.isfinite(problem.residual(y)[0])

@@ -8,9 +8,6 @@ from scipy.optimize import brentq
 import benchmarks.saltation as module
 from benchmarks.saltation import monodromy, saltation, saltation_matrix
 from bvp.closures import cycle_of
-from bvp.kernels import contact_mode as restitution
-from bvp.kernels import pencil as pencils
-from bvp.multipliers import saddle_point_multipliers, scaled_nodes
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment
 from tests.bvp.test_multipliers import attracting_cycle
@@ -133,50 +130,3 @@ def test_every_sign_of_the_saltation_matrix(monkeypatch):
 def _with(mutant):
     """`saltation_matrix` with another formula."""
     return next(mutants(saltation_matrix, {"saltation": mutant}))[1]
-
-
-def pencil_trace(cycle, names):
-    """Sum of the nontrivial multipliers from the pencil of a cycle, whose maps are made by the functions given."""
-    scaled = scaled_nodes(cycle)
-    modes, (nodes, size) = cycle.system.modes, scaled.after.shape
-    linear = pencils.Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
-    left, right = np.zeros((nodes, size, size)), np.zeros((nodes, size, size))
-    contacts = pencils.ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
-    landings = next(mutants(pencils.landings, names))[1]
-    cycle_nodes = pencils.Nodes(cycle.before, scaled.after, cycle.duration, cycle.contact.astype(np.int64), scaled.scale, scaled.weights)
-    landings(modes.flight, contacts, cycle_nodes, linear)
-    conservative = cycle.system.is_conservative
-    factors = pencils.Factors(left, right)
-    free = np.empty((0, size // 2))
-    pencils.pencil(modes.flight, contacts, cycle_nodes, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2))
-    width = size - 1 - int(conservative)
-    product = np.eye(width)
-    for i in range(nodes):
-        product = np.linalg.solve(left[i, :width, :width], right[i, :width, :width]) @ product
-    return np.trace(product)
-
-
-@hard(
-    "every sign of the maps of an impact in the saddle-point matrix turned, one at a time: each is noticed",
-    source="trace of the multipliers by the closed form, and by the cycle as it is",
-    limit=0.0,
-    what="signs whose turn is silent",
-)
-def test_every_sign_of_the_saddle_point_maps():
-    """Mutation: each sign of the kernels that carry a perturbation over an impact, noticed by the trace of the saltation product."""
-    cycles = one_cycle()
-    expected = [saddle_point_multipliers(cycle).trace for cycle in cycles]
-    exact = float(Closed(cycles[0].system, 1.7).tau_half() ** 2 - 2)
-    assert abs(expected[0] - exact) < 1e-12
-
-    def check(name, mutant):
-        inner = next(mutants(restitution.land, {name: mutant}))[1]
-        with np.errstate(all="ignore"):
-            traces = [pencil_trace(cycle, {"land": inner}) for cycle in cycles]
-        return max(abs(a - b) for a, b in zip(traces, expected, strict=True))
-
-    turned = 0
-    for name, function in (("apply_impact", restitution.apply_impact), ("impact_columns", restitution.impact_columns)):
-        turned += turned_signs(function, {}, lambda mutant, name=name: check(name, mutant))
-    assert turned == 2
-    return 0.0

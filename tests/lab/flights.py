@@ -13,9 +13,9 @@ from bvp.kernels.loads import LoadedFlight as _LoadedArrays
 from bvp.kernels.loads import Loads
 from bvp.kernels.sources import make_load_sources
 from bvp.kernels.taylor import ROUNDING, fly_smooth, make_smooth_flight
-from bvp.smooth_flights import smooth_flight, why_not_flown
+from bvp.smooth_flights import core_arrays, core_flight, modal_rows, why_not_flown
 
-__all__ = ["LinearFlight", "LoadedFlight", "Loads", "ROUNDING", "SmoothEnd", "SmoothFlight", "circular", "limit_steps"]
+__all__ = ["LinearFlight", "LoadedFlight", "Loads", "ROUNDING", "SmoothEnd", "SmoothFlight", "circular", "limit_steps", "smooth_flight"]
 
 
 def circular(delta, t):
@@ -105,6 +105,17 @@ class LoadedFlight:
         return out, derivatives, rate
 
 
+def smooth_flight(system, flights):
+    """Return the flights of a conservative system with smooth forces as the kernels take them, with room for the paths of so many."""
+    forces, (inputs, push) = system.smooth_forces, modal_rows(system)
+    flight = make_smooth_flight(system.modes.matrix, inputs, push, forces.program(), forces.energy_program(), flights)
+    if not forces.is_called:
+        return flight
+    from bvp.kernels.collocation import collocated
+
+    return collocated(flight)
+
+
 class SmoothEnd(NamedTuple):
     """The end of a flight with smooth forces.
 
@@ -137,12 +148,14 @@ class SmoothFlight:
         size = len(matrix)
         sources = (make_load_sources(loads, np.zeros((0, size, size)), np.zeros((0, *push.shape))),) if loads is not None else ()
         self._arrays = make_smooth_flight(matrix, rows, push, program, potential, 1, *sources)
+        self._core = core_arrays(matrix, rows, push, np.ones(size), program, potential) if loads is None else None
 
     @classmethod
     def of(cls, system):
         """The flights of a system with smooth forces, in the modal coordinates of its linear part."""
         flight = cls.__new__(cls)
         flight._arrays = smooth_flight(system, 1)
+        flight._core = core_flight(system)
         return flight
 
     @property
@@ -164,6 +177,9 @@ class SmoothFlight:
 
     def end(self, z, t, derivatives=True):
         """Return the `SmoothEnd` of a flight, or None where it cannot be computed. t < 0: back in time."""
+        if self._core is not None:
+            path = self._core.path(np.array(z, float), float(t), derivatives)
+            return SmoothEnd(path.end, path.map, path.times, path.coefficients) if path.complete else None
         paths = self._arrays.paths
         if not fly_smooth(self._arrays, 0, np.array(z, float), float(t), derivatives):
             return None
@@ -175,7 +191,7 @@ class SmoothFlight:
     @property
     def why_not(self):
         """Why the last flight could not be computed; empty where it could."""
-        return why_not_flown(self._arrays)
+        return why_not_flown(self._arrays if self._core is None else self._core)
 
     def forget_derivatives(self):
         """Replace what the last flight left by NaN."""
@@ -184,4 +200,4 @@ class SmoothFlight:
 
 def limit_steps(monkeypatch, steps):
     """Let flights of conservative systems with smooth forces have at most so many steps."""
-    monkeypatch.setattr(smooth_flights, "make_smooth_flight", partial(make_smooth_flight, steps=steps))
+    monkeypatch.setattr(smooth_flights, "core_arrays", partial(core_arrays, most_steps=steps))

@@ -3,10 +3,9 @@
 import math
 
 import numpy as np
+import saltus_core as core
 
 from branches.kernels.brackets import scan_tests
-from branches.kernels.functions import COMMON, TANGENT_NOISE, common_tests, two_dof_tests
-from bvp.closures import KINDS
 from bvp.multipoint import RESULT_INDEX
 from continuation.resolution import Sampled
 from transitions.kernels import Maxima
@@ -26,20 +25,14 @@ def half_map_tests(phi, speeds, ends, quarters, targets):
     """Return the test functions beside the common ones of an orbit with two degrees of freedom: the entries of its half map phi times the
     product of its impacts' speeds, then the distances of the trace from the targets, times its square. quarters: 1 where a quarter period
     is solved, which has the trace of the half period before the targets; else 2."""
-    (a, b), (c, d) = phi
-    result = _made_up(a=a, b=b, c=c, d=d, speeds=speeds, branching=0.1)
-    first = 3 + (quarters == 1)
-    out = np.zeros(COMMON + first + len(targets))
-    two_dof_tests(result, (0, 0, quarters, *(KINDS[end] for end in ends), 0), targets, out)
-    return out[COMMON:]
+    start, finish = (end == "origin" for end in ends)
+    return core.half_map_tests(np.array(phi, float), start, finish, 1.0, quarters, False, speeds, 0.1, np.array(targets, float))
 
 
 def distances_from_bounds(h, alpha, energy=(0.0, math.inf), longest=math.inf):
     """Return the three functions that vanish where a family leaves a range of energies or reaches the longest quarter period."""
-    out = np.zeros(COMMON)
     low, high, longest = (math.log(value) if value else -math.inf for value in (*energy, longest))
-    common_tests(_made_up(energy=h, quarter_period=alpha), low, high, longest, TANGENT_NOISE, out)
-    return out[5:8]
+    return core.common_tests(_made_up(energy=h, quarter_period=alpha), low, high, longest, core.TANGENT_NOISE)[5:8]
 
 
 def scan(places, rows, zones, hidden, limit, guard, floor=1e-9):

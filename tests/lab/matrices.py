@@ -1,59 +1,11 @@
-"""Small dense matrices, products of them, the elimination of a multipoint Jacobian, and modes."""
+"""Products of numbers, the elimination of a multipoint Jacobian, and modes."""
 
 import numpy as np
 
-from bvp.kernels import dense, newton, undamped
-from bvp.kernels.pencil import Factors, orthogonal_sweep
-from bvp.kernels.periodic_qr import product_eigenvalues as _product_eigenvalues
+from bvp.kernels import newton, undamped
 from bvp.kernels.stroboscopic import bounded_product as _bounded_product
 
-__all__ = [
-    "Elimination", "bounded_product", "cyclic_sweep", "determinant", "eigenvalues", "is_regular", "least_singular", "modes",
-    "product_eigenvalues",
-]  # fmt: skip
-
-
-def determinant(matrix):
-    """Return the determinant of a matrix (m, m)."""
-    return dense.determinant(np.array(matrix, dtype=float, order="C"))
-
-
-def is_regular(matrix, level):
-    """Whether the smallest singular value is above a level."""
-    factors = np.array(matrix, dtype=float, order="C")
-    value = dense.determinant(factors)
-    return dense.is_regular(factors, value, np.sum(matrix**2), level, np.empty(factors.shape))
-
-
-def least_singular(matrix):
-    """Return a lower bound of the smallest singular value, sharp to a factor sqrt(m)."""
-    factors = np.array(matrix, dtype=float, order="C")
-    dense.determinant(factors)
-    return dense.least_singular(factors, np.empty(factors.shape))
-
-
-def eigenvalues(matrix):
-    """Return the eigenvalues (m,), or None where the iteration does not converge."""
-    real, imaginary = np.empty(len(matrix)), np.empty(len(matrix))
-    return real + 1j * imaginary if dense.eigenvalues(np.array(matrix, dtype=float, order="C"), real, imaginary) else None
-
-
-def product_eigenvalues(factors, inverse):
-    """Return the number of steps (0: not converged, -1: an inverse does not exist), the eigenvalues of a product as pairs (real, imaginary)
-    (m, 2), and the product in some orthonormal frame. inverse (K,): 1 where the inverse of a factor is taken."""
-    m = factors.shape[1]
-    found, product = np.empty((2, m)), np.empty((m, m))
-    steps = _product_eigenvalues(factors.copy(), inverse, np.empty((3, 3)), product, found)
-    return steps, found.T, product
-
-
-def cyclic_sweep(left, right, rounds, frame):
-    """Return R as mantissas and powers of two, where the product of the `left`^-1 `right`, so many rounds, maps the frame to another one
-    times R."""
-    size, width = len(left), frame.shape[1]
-    product, exponent = np.empty((width, width)), np.empty(width)
-    assert orthogonal_sweep(Factors(left, right), rounds, np.empty((size, *frame.shape)), frame, product, exponent) == 0
-    return product, exponent
+__all__ = ["Elimination", "bounded_product", "modes"]
 
 
 def bounded_product(factors):

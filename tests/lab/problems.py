@@ -4,32 +4,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.closures import KINDS, end_maps, parse_end
-from bvp.kernels import multipoint, newton, step
+from bvp.closures import end_maps, parse_end
+from bvp.kernels import step
 from bvp.kernels.forced import set_parameters
 from bvp.kernels.loaded_paths import forced_observe
-from bvp.kernels.stability import half_map as _half_map
-from bvp.kernels.stability import make_half_map
-from bvp.kernels.stability import section_basis as _section_basis
 from bvp.kernels.summed_chatter import sum_chatter
 from bvp.multipoint import RESULT_INDEX
 
 __all__ = [
-    "Arclength", "ChatterEnd", "Equations", "chatter_end", "clearance_under_loads", "fly", "half_map", "null_vector", "section_basis",
-    "units",
+    "Arclength", "ChatterEnd", "Equations", "chatter_end", "clearance_under_loads", "fly", "units",
 ]  # fmt: skip
-
-
-def null_vector(problem, y):
-    """Return the vector t with F'(y) t = 0 from the factors of the Jacobian; y need not be a solution."""
-    factor, residual = multipoint.make_factor(problem.segment), np.zeros(problem.unknowns - 1)
-    multipoint.evaluate(problem.segment, y, factor.before, factor.flights, np.zeros(problem.size), residual)
-    displacement, velocity, _ = newton.set_scale(problem.segment, y, factor)
-    multipoint.fill(problem.segment, y, factor)
-    newton.factorise(problem.segment, y, factor, displacement, velocity)
-    null = np.zeros(problem.unknowns)
-    newton.null_vector(problem.segment, factor, null)
-    return null
 
 
 class Equations:
@@ -68,36 +52,30 @@ class Arclength:
     """
 
     def __init__(self, problem, y, entries):
-        self._segment, self._y, self.position = problem.segment, y, np.empty(entries)
-        self.value, self.period = step.locate(problem.segment, y, self.position)
+        self._orbits, self._segment = getattr(problem, "orbits", None), getattr(problem, "segment", None)
+        self._y = y
+        if self._orbits is not None:
+            self.position, _, self.value, self.period, _, _ = self._orbits.core.course(y, np.zeros(len(y)))
+        else:
+            self.position = np.empty(entries)
+            self.value, self.period = step.locate(self._segment, y, self.position)
 
     def row(self, direction):
         """Return the row r with r . dy = <direction, change of the position along dy>."""
+        if self._orbits is not None:
+            return self._orbits.core.constraint_row(self._y, direction)
         row = np.empty(len(self._y))
         step.constraint_row(self._segment, self._y, self.value, self.period, self.position, direction, row)
         return row
 
     def change(self, tangent):
         """Return the change of the position along a tangent, its length, and the change of the value."""
+        if self._orbits is not None:
+            _, out, _, _, slope, length = self._orbits.core.course(self._y, tangent)
+            return out, length, slope
         out = np.empty(len(self.position))
         slope, length = step.metric_direction(self._segment, self._y, self.position, self.value, self.period, tangent, out)
         return out, length, slope
-
-
-def half_map(problem, solution):
-    """Return phi (2 m, 2 m) between the ends, from flights and impacts for any degrees of freedom, and the largest factor by which an
-    impact magnifies rounding."""
-    work = make_half_map(problem.held)
-    magnified = _half_map(problem.segment, solution.y, solution.ends, work.held, work.rows, work.square, work.small, work.phi)
-    return work.phi, magnified
-
-
-def section_basis(problem, end, z):
-    """Return the orthonormal rows (n - 1, n) across the motion at an end "origin", "rest" or "stop" with the modal state z."""
-    n = len(z) // 2
-    basis = np.empty((n - 1, n))
-    _section_basis(problem.segment, 0, KINDS[end], z, np.eye(n), np.empty((2, n)), basis)
-    return basis
 
 
 def fly(problem, node, time):

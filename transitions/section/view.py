@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import saltus_core as core
 
-from bvp.kernels.paths import rising_times, state_at
 from bvp.simulate import Simulator
 from bvp.smooth_flights import flight_of
 from transitions.kernels import ROOM
@@ -73,20 +73,18 @@ def _rises(plane: SectionPlane, cycle: Cycle, functional: np.ndarray, rows: np.n
     size = cycle.after.shape[1]
     functional, rows = np.ascontiguousarray(functional[:, :size]), rows[:, :size]
     last = len(cycle.after) - 1
-    times, scratch, state, begin = np.empty(ROOM), *np.empty((3, cycle.after.shape[1]))
     points: list[np.ndarray] = []
     sign = 0
     for number, i in enumerate((last, *range(last + 1))):  # the last flight comes first, for the sign at the start of the first one
         pieces = max(1, math.ceil(cycle.duration[i] * fastest / ROOM), math.ceil(parts * cycle.duration[i] / cycle.period))
         step = float(cycle.duration[i]) / pieces
+        whole = core.path(flight, np.ascontiguousarray(cycle.after[i]), float(cycle.duration[i]))
         for piece in range(pieces):
-            state_at(flight, np.ascontiguousarray(cycle.after[i]), step * piece, begin)
-            found, sign = rising_times(flight, functional, begin, step, sign, times, scratch)
-            if found < 0:
+            path = core.path(flight, whole.state(step * piece), step)
+            times, sign = path.rises(functional, sign)
+            if times is None:
                 raise RuntimeError("the search for an orbit's crossings of the section gave up")
-            for time in times[:found] if number else ():
-                state_at(flight, begin, float(time), state)
-                points.append(rows @ state)
+            points += [rows @ path.state(time) for time in times.tolist()] if number else []
     return np.array(points).reshape(-1, 2)
 
 

@@ -1,0 +1,148 @@
+/// Python's view of dense algebra for what is prepared once: products, elimination, factors of Cholesky, Schur forms.
+#include <algorithm>
+
+#include "bindings.hpp"
+#include "schur.hpp"
+
+namespace saltus {
+
+namespace {
+
+NewMatrix numpy_matrix(const Array<>& matrix) {
+    NewMatrix out = new_matrix(matrix.rows(), matrix.columns());
+    std::copy(matrix.data(), matrix.data() + size_t(matrix.rows()) * matrix.columns(), out.data());
+    return out;
+}
+
+void require_square(const InMatrix& matrix) { require_size("columns", matrix.shape(1), matrix.shape(0)); }
+
+/// Each entry is summed in the order of the columns.
+NewMatrix product(InMatrix left, InMatrix right) {
+    require_size("rows", right.shape(0), left.shape(1));
+    const Matrix<const double> a = view(left), b = view(right);
+    NewMatrix out = new_matrix(a.rows(), b.columns());
+    std::fill(out.data(), out.data() + out.size(), 0.0);
+    for (int r = 0; r < a.rows(); ++r) {
+        double* to = out.data() + size_t(r) * b.columns();
+        for (int k = 0; k < a.columns(); ++k)
+            for (int c = 0; c < b.columns(); ++c) to[c] += a(r, k) * b(k, c);
+    }
+    return out;
+}
+
+/// X of matrix X = right.
+NewMatrix solve(InMatrix given, InMatrix right) {
+    require_square(given);
+    require_size("rows", right.shape(0), given.shape(0));
+    Array<> matrix = own(given), out = own(right);
+    std::vector<int> row(matrix.rows());
+    if (!(factorise(matrix, row).least > 0.0)) throw std::domain_error("the matrix is singular");
+    std::vector<double> x(matrix.rows());
+    for (int c = 0; c < out.columns(); ++c) {
+        for (int r = 0; r < out.rows(); ++r) x[r] = out(r, c);
+        substitute(matrix, row, x);
+        for (int r = 0; r < out.rows(); ++r) out(r, c) = x[r];
+    }
+    return numpy_matrix(out);
+}
+
+/// The lower triangular L of matrix = L L'.
+NewMatrix cholesky(InMatrix given) {
+    require_square(given);
+    const Matrix<const double> matrix = view(given);
+    Array<> lower(matrix.rows(), matrix.rows());
+    for (int c = 0; c < matrix.rows(); ++c)
+        for (int r = c; r < matrix.rows(); ++r) {
+            double entry = matrix(r, c);
+            for (int k = 0; k < c; ++k) entry -= lower(r, k) * lower(c, k);
+            if (r > c) lower(r, c) = entry / lower(c, c);
+            else if (entry > 0.0) lower(c, c) = std::sqrt(entry);
+            else throw std::domain_error("the matrix is not positive definite");
+        }
+    return numpy_matrix(lower);
+}
+
+/// The orthogonal Q of matrix = Q R by reflections, which change the sign of a diagonal entry of R where there is more than it.
+NewMatrix orthonormal(InMatrix given) {
+    Array<> matrix = own(given), q = identity(matrix.rows());
+    std::vector<double> v(matrix.rows());
+    for (int k = 0; k < std::min(matrix.rows(), matrix.columns()); ++k) {
+        for (int r = 0; r < matrix.rows(); ++r) v[r] = matrix(r, k);
+        if (v[k] == 0.0) v[k] = std::numeric_limits<double>::min();  // a reflection as of a positive entry
+        const double factor = reflector(v, k, matrix.rows());
+        if (factor == 0.0) continue;
+        reflect_from_left(matrix, v, k, factor);
+        reflect_columns(q, v, k, factor);
+    }
+    return numpy_matrix(q);
+}
+
+nb::tuple singular_directions(InMatrix given) {
+    const Matrix<const double> matrix = view(given);
+    const int size = matrix.columns();
+    Array<> turned(size, matrix.rows()), directions = identity(size);
+    for (int r = 0; r < matrix.rows(); ++r)
+        for (int c = 0; c < size; ++c) turned(c, r) = matrix(r, c);
+    std::vector<double> values(size, 0.0);
+    const auto turn = [&](int i, int j, const Rotation& rotation) {
+        for (int c = 0; c < size; ++c) rotation.turn(directions(i, c), directions(j, c));
+    };
+    const double rounding = EPSILON * EPSILON * sum_of_squares(matrix);  // what is left of rows beyond the rank
+    if (matrix.rows() > 0 && !singular_values(turned, values, rounding, turn)) throw std::runtime_error("singular values did not converge");
+    std::vector<int> order(size);
+    for (int k = 0; k < size; ++k) order[k] = k;
+    std::stable_sort(order.begin(), order.end(), [&](int i, int j) { return values[i] > values[j]; });
+    NewVector sorted = new_vector(size);
+    NewMatrix out = new_matrix(size, size);
+    for (int k = 0; k < size; ++k) {
+        sorted.data()[k] = values[order[k]];
+        std::copy(directions[order[k]].begin(), directions[order[k]].end(), out.data() + size_t(k) * size);
+    }
+    return nb::make_tuple(sorted, out);
+}
+
+nb::object sylvester(InMatrix a, InMatrix b, InMatrix c) {
+    require_square(a);
+    require_square(b);
+    require_size("rows", c.shape(0), a.shape(0));
+    require_size("columns", c.shape(1), b.shape(0));
+    Array<> x(int(c.shape(0)), int(c.shape(1)));
+    if (!solve_sylvester(view(a), view(b), view(c), x)) return nb::none();
+    return nb::cast(numpy_matrix(x));
+}
+
+}  // namespace
+
+void bind_dense(nb::module_& m) {
+    m.def("product", product, nb::arg("left"), nb::arg("right"), "left right; each entry is summed in the order of the columns.");
+    m.def("solve", solve, nb::arg("matrix"), nb::arg("right"), "X of matrix X = right. ValueError for a singular matrix.");
+    m.def("cholesky", cholesky, nb::arg("matrix"),
+          "The lower triangular L of matrix = L L'. ValueError for a matrix that is not positive definite.");
+    m.def("orthonormal", orthonormal, nb::arg("matrix"), "The orthogonal Q (n, n) of matrix = Q R.");
+    m.def("singular_directions", singular_directions, nb::arg("matrix"),
+          "Singular values (k,) of a matrix (m, k), descending, and orthonormal rows (k, k) in whose direction it has them.");
+    m.def(
+        "schur",
+        [](InMatrix matrix) {
+            require_square(matrix);
+            const SchurForm found(own(matrix));
+            return nb::make_tuple(numpy_matrix(found.t), numpy_matrix(found.q));
+        },
+        nb::arg("matrix"), "(t, q), matrix = q t q': t is real, with blocks of one real rate or of a complex pair.");
+    m.def(
+        "move_block",
+        [](InMatrix t, InMatrix q, int from, int to) {
+            SchurForm form(own(t), own(q));
+            if (!(0 <= to && to <= from && from < form.size())) throw nb::value_error("a block moves up, inside the matrix");
+            for (int k : {from, to})
+                if (k > 0 && form.t(k, k - 1) != 0.0) throw nb::value_error("a block begins elsewhere");
+            if (!form.move(from, to)) throw std::domain_error("two blocks have equal rates");
+            return nb::make_tuple(numpy_matrix(form.t), numpy_matrix(form.q));
+        },
+        nb::arg("t"), nb::arg("q"), nb::arg("from_"), nb::arg("to"),
+        "The Schur form (t, q) whose block at `from_` is at `to`. ValueError where the block cannot be exchanged with one between.");
+    m.def("sylvester", sylvester, nb::arg("a"), nb::arg("b"), nb::arg("c"),
+          "X of a X - X b = c for b in Schur form; None where a and b share a rate.");
+}
+
+}  // namespace saltus

@@ -1,0 +1,218 @@
+/// Expressions as lists of operations: the series of smooth forces along a motion, and values of a potential.
+///
+/// Python writes the lists (`bvp.jet_programs`, `bvp.programs`). They are evaluated in any number type.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "array.hpp"
+#include "functions.hpp"
+#include "jet.hpp"
+
+namespace saltus {
+
+/// Taylor coefficients in time of F forces, and of their derivatives by the I inputs w.
+///
+/// Each register is a row of coefficients. The first I registers are those of the inputs. Each operation adds the
+/// coefficient of order k of its result, from those of its operands up to the order k and of its own up to the order
+/// k - 1 (Jorba & Zou, Experimental Mathematics 14 (2005) 99, section 2).
+class ForceProgram {
+public:
+    /// On registers: a + b, a - b, a b, a/b, a^2; on a register and a number: s a, a + s, a^s, |a|^s sign a, |a|^s;
+    /// functions of a register. SIN and SINH write the cosine, or the hyperbolic cosine, to the register behind theirs.
+    enum Code { ADD, SUBTRACT, MULTIPLY, DIVIDE, SQUARE, SCALE, SHIFT, POWER, SIGNED_POWER, EVEN_POWER, EXP, LOG, SIN, SINH };
+
+    struct Operation {
+        Code code;
+        int result, first, second;  // registers; second: of a number where the operation has one
+    };
+    /// A force, an input, and the register of the derivative of one by the other, where that is not zero.
+    struct Slope {
+        int force, input, result;
+    };
+
+    std::vector<Operation> operations;
+    std::vector<double> numbers;
+    std::vector<int> forces;    // (F,) the register of each force
+    std::vector<Slope> slopes;  // in order of the inputs
+    int inputs = 0, registers = 0;
+
+    /// Add the coefficients of order k to `series` (registers, > k); those of the inputs are there.
+    ///
+    /// A power of |a| is zero where a is 0, or where it is not above `least` in size: there it has no expansion.
+    template <class T>
+    void extend(Matrix<T> series, int k, double least) const {
+        for (const Operation& operation : operations) {
+            T* c = series[operation.result].data();
+            const T* a = series[operation.first].data();
+            switch (operation.code) {
+            case ADD: c[k] = a[k] + series(operation.second, k); break;
+            case SUBTRACT: c[k] = a[k] - series(operation.second, k); break;
+            case MULTIPLY: {
+                const T* b = series[operation.second].data();
+                if (k == 0) c[0] = a[0] * b[0];
+                else c[k] = middle(a, b, k, k - 1) + (a[0] * b[k] + a[k] * b[0]);
+                break;
+            }
+            case SQUARE:
+                if (k == 0) {
+                    c[0] = a[0] * a[0];
+                } else {
+                    T total = 2.0 * middle(a, a, k, (k - 1) / 2);
+                    if (k % 2 == 0) total += a[k / 2] * a[k / 2];
+                    c[k] = total + 2.0 * a[0] * a[k];
+                }
+                break;
+            case DIVIDE: {
+                const T* b = series[operation.second].data();
+                if (k == 0) c[0] = a[0] / b[0];
+                else c[k] = (a[k] - middle(b, c, k, k - 1) - b[k] * c[0]) / b[0];
+                break;
+            }
+            case SCALE: c[k] = numbers[operation.second] * a[k]; break;
+            case SHIFT: c[k] = k == 0 ? a[0] + numbers[operation.second] : a[k]; break;
+            case POWER:
+            case SIGNED_POWER:
+            case EVEN_POWER: raise(operation.code, numbers[operation.second], a, c, k, least); break;
+            case EXP: c[k] = k == 0 ? T(exp(a[0])) : weighted(a, c, k) / double(k); break;
+            case LOG: c[k] = k == 0 ? T(log(a[0])) : logarithm(a, c, k); break;
+            case SIN:
+            case SINH: turn(operation.code, a, c, series[operation.result + 1].data(), k); break;
+            }
+        }
+    }
+
+private:
+    /// Sum of a[j] b[k - j] for j = 1 .. last, as two sums that do not wait for each other.
+    template <class T>
+    static T middle(const T* a, const T* b, int k, int last) {
+        T even(0.0), odd(0.0);
+        int j = 1;
+        for (; j < last; j += 2) {
+            even += a[j] * b[k - j];
+            odd += a[j + 1] * b[k - j - 1];
+        }
+        if (j == last) even += a[j] * b[k - j];
+        return even + odd;
+    }
+
+    /// Sum of j a[j] b[k - j] for j = 1 .. k.
+    template <class T>
+    static T weighted(const T* a, const T* b, int k) {
+        T total(0.0);
+        for (int j = 1; j < k; ++j) total += double(j) * a[j] * b[k - j];
+        return total + double(k) * a[k] * b[0];
+    }
+
+    template <class T>
+    static void raise(Code code, double s, const T* a, T* c, int k, double least) {
+        if (k > 0) {
+            if (value(c[0]) == 0.0) {
+                c[k] = T(0.0);
+                return;
+            }
+            // From a c' = s a' c.
+            T total(0.0);
+            for (int j = 1; j < k; ++j) total += (s * j - (k - j)) * a[j] * c[k - j];
+            c[k] = (total + s * k * a[k] * c[0]) / (double(k) * a[0]);
+        } else if (code == POWER) {
+            c[0] = pow(a[0], s);
+        } else if (value(a[0]) == 0.0) {
+            c[0] = T(0.0);
+        } else {
+            c[0] = pow(fabs(a[0]), s);
+            if (value(c[0]) <= least) c[0] = T(0.0);
+            else if (code == SIGNED_POWER && value(a[0]) < 0.0) c[0] = -c[0];
+        }
+    }
+
+    template <class T>
+    static T logarithm(const T* a, const T* c, int k) {
+        T total(0.0);
+        for (int j = 1; j < k; ++j) total += double(j) * c[j] * a[k - j];
+        return (a[k] - total / double(k)) / a[0];
+    }
+
+    template <class T>
+    static void turn(Code code, const T* a, T* sine, T* cosine, int k) {
+        if (k == 0) {
+            if (code == SIN) sincos(a[0], sine[0], cosine[0]);
+            else sinhcosh(a[0], sine[0], cosine[0]);
+            return;
+        }
+        const T turned = weighted(a, sine, k) / double(k);
+        sine[k] = weighted(a, cosine, k) / double(k);
+        cosine[k] = code == SIN ? -turned : turned;
+    }
+};
+
+/// Values of expressions of N parameters. The registers are the N parameters, the constants, then the result of each
+/// operation.
+class Formulas {
+public:
+    /// Of two operands; the second one of INTEGER_POWER is the exponent itself. Then functions of one operand, of which
+    /// SIGN is the derivative of ABS: 0 at 0.
+    enum Code { ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, INTEGER_POWER, SQRT, EXP, LOG, SIN, COS, TAN, SINH, COSH, TANH, ABS, SIGN };
+
+    struct Operation {
+        Code code;
+        int first, second;
+    };
+
+    std::vector<Operation> operations;
+    std::vector<double> constants;
+    std::vector<int> outputs;  // the register of each expression
+    int parameters = 0;
+
+    template <class T, class Parameters, class Out>
+    void evaluate(const Parameters& at, Out&& out) const {
+        const int first = parameters + int(constants.size());
+        Local<T> registers(first + int(operations.size()));
+        for (int i = 0; i < parameters; ++i) registers[i] = at[i];
+        for (size_t i = 0; i < constants.size(); ++i) registers[parameters + int(i)] = T(constants[i]);
+        for (size_t i = 0; i < operations.size(); ++i) {
+            const Operation& operation = operations[i];
+            const T& x = registers[operation.first];
+            T& result = registers[first + int(i)];
+            if (operation.code == INTEGER_POWER) result = power(x, operation.second);
+            else if (operation.code > INTEGER_POWER) result = apply(operation.code, x);
+            else if (operation.code < POWER) result = combine(operation.code, x, registers[operation.second]);
+            else if (is_constant(operation.second)) result = pow(x, value(registers[operation.second]));
+            else result = pow(x, registers[operation.second]);
+        }
+        for (size_t k = 0; k < outputs.size(); ++k) out[k] = registers[outputs[k]];
+    }
+
+private:
+    bool is_constant(int place) const { return place >= parameters && place < parameters + int(constants.size()); }
+
+    template <class T>
+    static T combine(Code code, const T& x, const T& y) {
+        switch (code) {
+        case ADD: return x + y;
+        case SUBTRACT: return x - y;
+        case MULTIPLY: return x * y;
+        default: return x / y;
+        }
+    }
+
+    template <class T>
+    static T apply(Code code, const T& x) {
+        switch (code) {
+        case SQRT: return sqrt(x);
+        case EXP: return exp(x);
+        case LOG: return log(x);
+        case SIN: return sin(x);
+        case COS: return cos(x);
+        case TAN: return tan(x);
+        case SINH: return sinh(x);
+        case COSH: return cosh(x);
+        case TANH: return tanh(x);
+        case ABS: return fabs(x);
+        default: return T(value(x) > 0.0 ? 1.0 : value(x) < 0.0 ? -1.0 : value(x));
+        }
+    }
+};
+
+}  // namespace saltus
