@@ -8,14 +8,6 @@ namespace saltus {
 
 namespace {
 
-NewMatrix numpy_matrix(const Array<>& matrix) {
-    NewMatrix out = new_matrix(matrix.rows(), matrix.columns());
-    std::copy(matrix.data(), matrix.data() + size_t(matrix.rows()) * matrix.columns(), out.data());
-    return out;
-}
-
-void require_square(const InMatrix& matrix) { require_size("columns", matrix.shape(1), matrix.shape(0)); }
-
 /// Each entry is summed in the order of the columns.
 NewMatrix product(InMatrix left, InMatrix right) {
     require_size("rows", right.shape(0), left.shape(1));
@@ -36,7 +28,7 @@ NewMatrix solve(InMatrix given, InMatrix right) {
     require_size("rows", right.shape(0), given.shape(0));
     Array<> matrix = own(given), out = own(right);
     std::vector<int> row(matrix.rows());
-    if (!(factorise(matrix, row).least > 0.0)) throw std::domain_error("the matrix is singular");
+    if (!(factorise(matrix, row).least > 0.0)) throw std::runtime_error("the matrix is singular");
     std::vector<double> x(matrix.rows());
     for (int c = 0; c < out.columns(); ++c) {
         for (int r = 0; r < out.rows(); ++r) x[r] = out(r, c);
@@ -57,7 +49,7 @@ NewMatrix cholesky(InMatrix given) {
             for (int k = 0; k < c; ++k) entry -= lower(r, k) * lower(c, k);
             if (r > c) lower(r, c) = entry / lower(c, c);
             else if (entry > 0.0) lower(c, c) = std::sqrt(entry);
-            else throw std::domain_error("the matrix is not positive definite");
+            else throw std::runtime_error("the matrix is not positive definite");
         }
     return numpy_matrix(lower);
 }
@@ -115,9 +107,9 @@ nb::object sylvester(InMatrix a, InMatrix b, InMatrix c) {
 
 void bind_dense(nb::module_& m) {
     m.def("product", product, nb::arg("left"), nb::arg("right"), "left right; each entry is summed in the order of the columns.");
-    m.def("solve", solve, nb::arg("matrix"), nb::arg("right"), "X of matrix X = right. ValueError for a singular matrix.");
+    m.def("solve", solve, nb::arg("matrix"), nb::arg("right"), "X of matrix X = right. RuntimeError for a singular matrix.");
     m.def("cholesky", cholesky, nb::arg("matrix"),
-          "The lower triangular L of matrix = L L'. ValueError for a matrix that is not positive definite.");
+          "The lower triangular L of matrix = L L'. RuntimeError for a matrix that is not positive definite.");
     m.def("orthonormal", orthonormal, nb::arg("matrix"), "The orthogonal Q (n, n) of matrix = Q R.");
     m.def("singular_directions", singular_directions, nb::arg("matrix"),
           "Singular values (k,) of a matrix (m, k), descending, and orthonormal rows (k, k) in whose direction it has them.");

@@ -21,20 +21,6 @@ NewComplex complex_vector(Values real, Values imaginary) {
                       nb::capsule(data, [](void* p) noexcept { delete[] static_cast<std::complex<double>*>(p); }));
 }
 
-/// A copy of a square matrix.
-Array<> own_square(const InMatrix& matrix) {
-    if (matrix.shape(0) != matrix.shape(1)) throw nb::value_error("the matrix is not square");
-    return own(matrix);
-}
-
-template <class M>
-NewMatrix numpy_matrix(const M& matrix) {
-    NewMatrix out = new_matrix(matrix.rows(), matrix.columns());
-    for (int r = 0; r < matrix.rows(); ++r)
-        for (int c = 0; c < matrix.columns(); ++c) out.data()[r * matrix.columns() + c] = matrix(r, c);
-    return out;
-}
-
 /// Ends of a half map, as `bvp.closures` numbers them.
 enum class End { ORIGIN, REST, STOP };
 

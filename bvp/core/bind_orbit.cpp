@@ -64,7 +64,7 @@ nb::tuple bound_unfold(BoundProblem& self, InVector y) {
     self.problem->unfold(view(y), period);
     const Nodes nodes = period.nodes();
     std::vector<int> node(period.node().begin(), period.node().end());
-    return nb::make_tuple(numpy_of(nodes.before), numpy_of(nodes.after), numpy_of(nodes.duration), node, period.lead());
+    return nb::make_tuple(numpy_matrix(nodes.before), numpy_matrix(nodes.after), numpy_of(nodes.duration), node, period.lead());
 }
 
 nb::tuple bound_course(BoundProblem& self, InVector y, InVector tangent) {

@@ -82,12 +82,9 @@ template <class Flight>
 void sample(const Flight& flight, Values z, double duration, Values times, Matrix<double> out, int halvings = 0) {
     constexpr int MOST_HALVINGS = 9;
     const bool known = has_end(flight, z, duration);
-    if (known || halvings == MOST_HALVINGS) {
+    if (known || halvings == MOST_HALVINGS) {  // what lies before the point that is not reached is known
         const auto path = path_of(flight, z, duration);
-        for (size_t i = 0; i < times.size(); ++i) {
-            if (known) path.state(times[i], out[int(i)]);
-            else std::fill(out[int(i)].begin(), out[int(i)].end(), NOT_A_NUMBER);
-        }
+        for (size_t i = 0; i < times.size(); ++i) path.state(times[i], out[int(i)]);
         return;
     }
     const double half = 0.5 * duration;
@@ -115,6 +112,7 @@ void define(nb::module_& m) {
         "sample",
         [](const Flight& flight, InVector z, InVector times) {
             require_size("the state", z.shape(0), flight.size());
+            if (!std::is_sorted(times.data(), times.data() + times.shape(0))) throw nb::value_error("times are ascending");
             NewMatrix out = new_matrix(int(times.shape(0)), flight.size());
             const double last = times.shape(0) > 0 ? times.data()[times.shape(0) - 1] : 0.0;
             sample(flight, view(z), last, view(times), {out.data(), int(times.shape(0)), flight.size()});
@@ -196,6 +194,8 @@ void bind_paths(nb::module_& m) {
         [](const SmoothFlight<>& flight, InVector z, double duration, bool of_distance, int parts) -> nb::object {
             require_size("the state", z.shape(0), 4);
             require_size("the flight's state", flight.size(), 4);
+            if (!(duration >= 0.0) || parts < 1 || parts > 1'000'000)
+                throw nb::value_error("a flight has a duration from 0 on, and its steps have from 1 to a million parts");
             const auto path = flight.fly(view(z), duration, false);
             if (!path->complete) return nb::none();
             const std::vector<Slowest> found = slowest_instants(*path, of_distance, parts);

@@ -71,8 +71,13 @@ std::shared_ptr<const CalledForces> called_forces(nb::object forces, nb::object 
     auto out = std::make_shared<CalledForces>();
     out->forces = [forces = std::move(forces)](Matrix<double> values, int count) {
         const nb::gil_scoped_acquire held;
-        nb::ndarray<nb::numpy, double, nb::ndim<2>> shown(values.data(), {size_t(values.rows()), size_t(values.columns())}, nb::handle());
-        forces(nb::cast(shown, nb::rv_policy::reference), count);
+        NewMatrix shown = new_matrix(values.rows(), values.columns());  // the function may keep it
+        double* entries = shown.data();
+        const size_t size = shown.size();
+        std::copy(values.data(), values.data() + size, entries);
+        nb::object array = nb::cast(std::move(shown));
+        forces(array, count);
+        std::copy(entries, entries + size, values.data());
     };
     out->energy = [energy = std::move(energy)](Values inputs) {
         const nb::gil_scoped_acquire held;
@@ -224,7 +229,7 @@ void bind_smooth(nb::module_& m) {
              },
              nb::arg("z"), nb::arg("t"), nb::arg("with_map") = false, "The steps of a flight.")
         .def_prop_ro("failure", [](const Flight& self) { return bound(self.failure()); },
-                     "The flight that was computed last, if it has no end; else None.");
+                     "The flight that was asked for last, if it has no end; else None.");
 }
 
 }  // namespace saltus

@@ -69,9 +69,11 @@ inline NewVector numpy_of(Values values) {
     return out;
 }
 
-inline NewMatrix numpy_of(Matrix<const double> entries) {
-    NewMatrix out = new_matrix(entries.rows(), entries.columns());
-    std::copy(entries.data(), entries.data() + size_t(entries.rows()) * entries.columns(), out.data());
+template <class M>
+NewMatrix numpy_matrix(const M& matrix) {
+    NewMatrix out = new_matrix(matrix.rows(), matrix.columns());
+    for (int r = 0; r < matrix.rows(); ++r)
+        for (int c = 0; c < matrix.columns(); ++c) out.data()[r * matrix.columns() + c] = matrix(r, c);
     return out;
 }
 
@@ -79,6 +81,15 @@ inline NewMatrix numpy_of(Matrix<const double> entries) {
 inline void require_size(const char* name, size_t size, size_t expected) {
     if (size != expected)
         throw nb::value_error(("received " + std::to_string(size) + " entries of " + name + "; expected " + std::to_string(expected)).c_str());
+}
+
+/// Refuse a matrix that is not square.
+inline void require_square(const InMatrix& matrix) {
+    if (matrix.shape(0) != matrix.shape(1)) throw nb::value_error("the matrix is not square");
+}
+inline Array<> own_square(const InMatrix& matrix) {
+    require_square(matrix);
+    return own(matrix);
 }
 
 /// Refuse a number outside 0 .. count - 1.

@@ -134,7 +134,8 @@ public:
     /// again as long as each update is a tenth of the one before. Where flights are series, it is renewed after each
     /// update below `NEAR_UPDATE`. The iteration ends when
     ///     the update no longer shrinks, and it or the residual is at rounding level (the update from a residual that
-    ///         is rounding is rounding, however badly the equations are conditioned);
+    ///         is rounding is rounding, however badly the equations are conditioned), or the change of the residual that
+    ///         it can make;
     ///     the residual is at rounding level, and by the last ratio the next update would be far below it;
     ///     the same after a short update by derivatives of its own iterate: what is left of the residual is rounding;
     ///     the updates grow, or `maximum` is reached. With maximum = 0, y is only evaluated.
@@ -219,7 +220,7 @@ private:
             found.contraction = std::max(found.contraction, ratio);
             found.converged = progress.ended = true;
         } else if (found.iterations > 1) {
-            if (ratio > 0.5 && (length < 1e-9 || progress.noise)) {
+            if (ratio > 0.5 && (length < 1e-9 || progress.noise || is_rounding(length))) {
                 found.converged = worst < LARGEST_RESIDUAL;
                 progress.ended = true;
                 return;
@@ -230,6 +231,12 @@ private:
             else if (ratio > 2.0 && length > 1e-3) progress.ended = true;
             progress.fresh = progress.fresh || ratio > 0.1;
         }
+    }
+
+    /// Whether an update is so short that residuals change by no more than their rounding along the direction in which
+    /// the equations hardly decide: it is then a multiple of the rounding, whatever the residual before it was.
+    bool is_rounding(double length) {
+        return length < SHORT_UPDATE && length * elimination.conditioning(update_) <= RESIDUAL_ROUNDING;
     }
 
     /// Factorise the Jacobian at y, where the problem was evaluated last. The length of an equation at an end is at

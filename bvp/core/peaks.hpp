@@ -183,9 +183,10 @@ bool raise_peaks(const Path& path, const Displacements& rows, double duration, V
         const double longest = 1.0 / std::fmax(path.growth(), path.fastest() / RENEWED);
         for (int i = 0; i < rows.count(); ++i) {
             const double at_end = std::fabs(dot(rows.value[i], end));
-            for (double t = 0.0, window = 0.0; t < duration && (window > 0.0 || t == 0.0); t += window) {
+            for (double t = 0.0, window = 0.0; t < duration; t += window) {
                 path.state(t, state);
                 window = path.window(t, std::fmin(duration - t, longest));
+                if (!(window > 0.0)) return false;  // the flight has no end
                 const double reached = std::fmax(peaks.size[i], at_end);
                 const bool covered = path.window(t, duration - t) >= duration - t;
                 if (covered && path.bounds(rows.value[i], t, state, duration - t).level <= reached) break;

@@ -134,7 +134,7 @@ public:
         return velocity;
     }
 
-    /// The flight that was computed last, if it has no end; else nullptr.
+    /// The flight that was asked for last, if it has no end; else nullptr.
     std::shared_ptr<const TaylorPath> failure() const {
         auto latest = flights_->latest();
         return latest && !latest->complete ? latest : nullptr;
@@ -195,7 +195,7 @@ public:
     void state(double t, Out&& out) const {
         if (path_->complete && t == path_->duration) {
             copy(path_->end, out);
-        } else if (path_->steps() == 0 || t > path_->times.back()) {
+        } else if (path_->steps() == 0 || !(t >= 0.0 && t <= path_->times.back())) {
             for (int r = 0; r < size(); ++r) out[r] = t == 0.0 ? path_->begin[r] : NOT_A_NUMBER;
         } else {
             const int s = path_->step_at(t);

@@ -331,7 +331,7 @@ void TaylorFlights::keep(int count) const {
 
 std::shared_ptr<const TaylorPath> TaylorFlights::latest() const {
     const std::lock_guard lock(mutex_);
-    return kept_.empty() ? nullptr : kept_[latest_];
+    return latest_;
 }
 
 std::unique_ptr<TaylorWork> TaylorFlights::borrow() const {
@@ -355,7 +355,8 @@ std::shared_ptr<const TaylorPath> TaylorFlights::fly(Values z, double t, bool wi
     {
         const std::lock_guard lock(mutex_);
         for (const auto& path : kept_)
-            if (path->duration == t && path->has_map == with_map && std::equal(z.begin(), z.end(), path->begin.begin())) return path;
+            if (path->duration == t && path->has_map == with_map && std::equal(z.begin(), z.end(), path->begin.begin()))
+                return latest_ = path;
     }
     std::shared_ptr<const TaylorPath> path;
     if (equations_.called) {
@@ -369,13 +370,12 @@ std::shared_ptr<const TaylorPath> TaylorFlights::fly(Values z, double t, bool wi
     }
     const std::lock_guard lock(mutex_);
     if (int(kept_.size()) < keep_) {
-        latest_ = kept_.size();
         kept_.push_back(path);
     } else {
-        latest_ = (latest_ + 1) % kept_.size();
-        kept_[latest_] = path;
+        kept_[oldest_] = path;
+        oldest_ = (oldest_ + 1) % kept_.size();
     }
-    return path;
+    return latest_ = path;
 }
 
 GrowingFlight::GrowingFlight(std::shared_ptr<const TaylorFlights> flights, Values z, double duration)

@@ -239,7 +239,7 @@ public:
     void give_back(std::unique_ptr<TaylorWork> work) const;
     /// Keep so many flights at least.
     void keep(int count) const;
-    /// The flight that was computed last; nullptr: none was.
+    /// The flight that was asked for last; nullptr: none was.
     std::shared_ptr<const TaylorPath> latest() const;
 
 private:
@@ -248,7 +248,8 @@ private:
     mutable std::vector<std::shared_ptr<const TaylorPath>> kept_;
     mutable std::vector<std::unique_ptr<TaylorWork>> idle_;
     mutable int keep_;
-    mutable size_t latest_ = 0;
+    mutable std::shared_ptr<const TaylorPath> latest_;
+    mutable size_t oldest_ = 0;
 };
 
 }  // namespace saltus
