@@ -98,7 +98,8 @@ def _nearest(cycle: Cycle, part: int, instants: np.ndarray) -> float | None:
     flight, row, period = flight_of(cycle.system), _row(cycle, part), cycle.period
     for begun in sorted(instants.tolist(), key=lambda time: min(time, period - time)):
         i = int(np.searchsorted(cycle.times, begun, side="right")) - 1
-        path, first = core.path(flight, np.ascontiguousarray(cycle.after[i]), float(cycle.duration[i])), float(cycle.times[i])
+        path = core.path(flight, np.ascontiguousarray(cycle.after[i]), float(cycle.duration[i]))
+        first = float(cycle.times[i]) - (period if i < 0 else 0.0)  # before the first node, the last flight goes on
         time = begun
         for _ in range(_ROUNDS):
             state, change = path.motion(time - first)

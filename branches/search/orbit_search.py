@@ -18,6 +18,7 @@ from branches.search.intervals import SAME_START, Limits, Opening, segments
 from branches.search.known import Boxes, recognised
 from branches.search.starts import ScannedSegment, StartCurve
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period
+from bvp.checks import EPSILON
 from bvp.kernels.multipoint import STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 from bvp.system import ImpactSystem
@@ -98,7 +99,8 @@ def judged(problem: MultipointProblem, solution: Solution) -> Found | str:
     """The orbit with its label, or why it is none: "without_impacts", "inadmissible", or "covers" for an orbit that is not primitive."""
     if problem.inner == 0 and STOP not in problem.kinds and not problem.is_smooth:
         return "without_impacts"
-    if not (solution["residual"] < 1e-12 and solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0):
+    fast = solution["speed"] > EPSILON * problem.speed(solution)  # what rests at a stop has a speed of rounding
+    if not (solution["residual"] < 1e-12 and solution["clearance"] > 0.0 and fast and solution["flight"] > 0.0):
         return "inadmissible"
     if cover_of(problem, solution) > 1:
         return "covers"

@@ -112,7 +112,9 @@ void define(nb::module_& m) {
         "sample",
         [](const Flight& flight, InVector z, InVector times) {
             require_size("the state", z.shape(0), flight.size());
-            if (!std::is_sorted(times.data(), times.data() + times.shape(0))) throw nb::value_error("times are ascending");
+            const bool finite = std::all_of(times.data(), times.data() + times.shape(0), [](double t) { return std::isfinite(t); });
+            if (!finite || !std::is_sorted(times.data(), times.data() + times.shape(0)))
+                throw nb::value_error("times are finite, and ascend");
             NewMatrix out = new_matrix(int(times.shape(0)), flight.size());
             const double last = times.shape(0) > 0 ? times.data()[times.shape(0) - 1] : 0.0;
             sample(flight, view(z), last, view(times), {out.data(), int(times.shape(0)), flight.size()});

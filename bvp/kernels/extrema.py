@@ -232,31 +232,6 @@ def mark_changes(track, floor, inside, first, last, sign, upwards, tolerance, ti
         sign = int64(1) if f > 0.0 else int64(-1)
 
 
-@inlined
-def sign_changes(flight, value, rate, second, z, duration, sign, begins_at_zero, ends_at_zero, work):
-    """Sign changes of value . z(t) for 0 < t < duration after an earlier `sign` (0: none yet). Returns (changes, last sign),
-    changes < 0 when the search gave up. Values within rounding of zero have no sign. Ends that are known to be zero have the sign of the
-    values beside them: a change that is nearer to such an end than rounding shows is counted."""
-    track = track_of(flight, value, rate, second, z, duration, work)
-    level = 1e-13 * (track.level + 1e-300)
-    first = math.inf if begins_at_zero else level
-    last = math.inf if ends_at_zero else level
-    return mark_changes(track, 1e-13 * duration, level, first, last, sign, False, 0.0, work[:0])
-
-
-@kernel
-def crossing_times(flight, value, rate, second, z, duration, times, work):
-    """Times in (0, duration) where value . z(t) changes sign, into `times`; a zero at the very end is no change. Returns how many there
-    are (those beyond the length of `times` are counted, not kept); -1 when the search gave up."""
-    track = track_of(flight, value, rate, second, z, duration, work)
-    level = 1e-13 * track.level
-    f = inner(value, z)
-    if abs(f) <= level:
-        f = inner(rate, z)
-    sign = int64(1) if f >= 0.0 else int64(-1)
-    return mark_changes(track, 1e-12 * duration, 0.0, level, level, sign, False, 1e-13 * duration, times)[0]
-
-
 @kernel
 def rises(flight, value, rate, second, z, duration, sign, times, work):
     """Times in [0, duration) at which f = value . z(t) crosses zero upwards, into `times`, after an earlier `sign` of f (0: none yet).

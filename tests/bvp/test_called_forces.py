@@ -15,7 +15,7 @@ from branches.record import orbit_to_json
 from branches.tracing import follow_family
 from bvp.called_forces import FailedForce, formula_of
 from bvp.multipoint import MultipointProblem
-from bvp.smooth_flights import modal_energies
+from bvp.smooth_flights import core_flight, modal_energies
 from bvp.springs import Damper, Spring
 from bvp.system import ImpactSystem, Stop
 from tests.lab.flights import SmoothFlight
@@ -50,6 +50,19 @@ def test_duffing_is_elliptic(amplitude, part):
     exact = np.array([amplitude * cn, -amplitude * frequency * sn * dn])
     assert np.abs((end.state - exact) / [amplitude, amplitude * frequency]).max() < 2e-14
     assert abs(np.linalg.det(end.derivatives) - 1.0) < 1e-14 * np.linalg.norm(end.derivatives)
+
+
+def test_a_force_may_keep_what_it_is_given():
+    """Oracle: copies of the elongations, made when the force had them."""
+    kept = []
+
+    def force(w):
+        kept.append((w, np.copy(w)))
+        return cube(w)
+
+    core_flight(oscillator(force)).end(np.array([1.0, 0.5]), 2.0)
+    arrays = [(given, copy) for given, copy in kept if np.ndim(given)]
+    assert len(arrays) > 10 and all(np.array_equal(given, copy) for given, copy in arrays)
 
 
 def test_energy_changes_by_a_rounding_of_each_step():

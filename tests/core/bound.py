@@ -220,6 +220,7 @@ def function_calls(orbit):
     yield elimination, "null_vector", ()
     yield elimination, "conditioning", ()
     control = tuple(control_of(Settings()))
+    yield core, "common_tests", (np.ones(len(core.POINT_NAMES)), 0.1, 9.0, 20.0, 2e-13)
     yield core, "distance", ([0.0, 1.0], [2.0, 3.0])
     yield core, "height", ([0.0, 1.0], [2.0, 3.0], [1.0, 1.0])
     yield core, "arclength_of", (0.1, 0.99)

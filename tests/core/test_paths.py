@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 import saltus_core as core
+import sympy
 
 from branches.naming.at_modes import orbit_at_mode
-from bvp.smooth_flights import flight_of
+from bvp.jet_programs import jet_program
+from bvp.programs import program_of
+from bvp.smooth_flights import core_arrays, flight_of
 from bvp.system import vibro_impact_nes
 from saltus.scene import load_scene
 from tests.core.smooth_systems import chain, states
+
+W = sympy.Symbol("w", real=True)
 
 SYSTEMS = {"linear": vibro_impact_nes, "smooth": lambda: chain(2)}
 
@@ -53,6 +58,36 @@ def test_a_flight_of_too_many_steps_is_sampled_in_parts():
     for k in range(1, 201):
         state = flight.end(state, 10.0)
         np.testing.assert_allclose(found[k], state, rtol=0.0, atol=1e-9)
+
+
+def test_what_is_known_before_a_motion_leaves_the_numbers():
+    """Oracle: shorter flights. x'' = -x + x^3 from beyond its maximum of energy is infinite after a finite time."""
+    program, potential = jet_program([W**3], [W])[0], program_of([-(W**4) / 4], [W])
+    flight = core_arrays(np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[1.0, 0.0]]), np.ones((1, 1)), np.ones(2), program, potential)
+    z, low, high = np.array([1.2, 0.0]), 0.0, 10.0
+    while high - low > 1e-12:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if flight.path(z, middle).complete else (low, middle)
+    times = np.append(np.linspace(0.0, 0.9999, 40) * low, [1.001 * high, 10.0])
+    found = core.sample(flight, z, times)
+    assert np.isnan(found[-2:]).all() and low > 1.0
+    for t, state in zip(times[:-2], found[:-2], strict=True):
+        np.testing.assert_allclose(state, flight.end(z, t), rtol=1e-9)
+    rows = np.array([[[1.0, 0.0]], [[0.0, 1.0]]])
+    assert not core.raise_peaks(flight, *rows, z, 10.0, np.zeros(1), np.zeros(1))
+
+
+def test_times_and_durations_are_checked():
+    """Times before a smooth flight have no state; the sampled ones are finite, and ascend."""
+    flight, z = flight_of(chain(2)), np.array([0.3, 0.1, 0.2, -0.4])
+    path = core.path(flight, z, 1.0)
+    assert np.isnan(path.state(-0.1)).all() and np.isnan(path.state(1.1)).all()
+    for times in ([0.2, 0.1], [0.1, np.nan], [0.1, np.inf]):
+        with pytest.raises(ValueError, match="times are finite, and ascend"):
+            core.sample(flight, z, np.array(times))
+    for duration, parts in ((-1.0, 4), (np.nan, 4), (1.0, 0), (1.0, -3)):
+        with pytest.raises(ValueError, match="from 1 to a million parts"):
+            core.slowest_instants(flight, z, duration, False, parts)
 
 
 def test_growth_and_lengths_of_directions():

@@ -203,6 +203,8 @@ def test_a_flight_without_an_end():
     assert np.isnan(flight.end_along(z, 1e4, z, 0.0)).all()
     flight.end(z, 1.0)
     assert flight.failure is None
+    flight.end(z, 1e4)  # it is kept, and asked for again
+    assert flight.failure.exhausted
 
 
 def test_arrays_are_checked_at_the_border():

@@ -14,6 +14,7 @@ import pytest
 
 import saltus
 from benchmarks.backbone import OneImpact
+from bvp.checks import EPSILON
 from tests.saltus.running import refused, run
 
 HEAD = 'title = "a chain"\nsource = "a test"\n'
@@ -40,21 +41,26 @@ def scene_of(folder, system, low, high):
 
 
 def largest_error(data, closed):
-    """Largest relative difference from a closed form at any point: of the energy, and of the start state from its size."""
+    """Largest relative difference from a closed form at any point: of the energy, and of the start state from its size. What the form
+    changes within the rounding of alpha, four units, is no difference."""
+
+    def form(alpha):
+        energy, u, v = closed(alpha)
+        return energy, mp.matrix([*u, *v])
+
     worst = 0.0
     for point in data["points"]:
-        energy, u, v = closed(point["alpha"])
-        state = mp.matrix([*u, *v])
+        (energy, state), (moved, beside) = form(point["alpha"]), form(point["alpha"] * (1 + mp.mpf(4 * EPSILON)))
         own = mp.matrix(point["start"]["u"] + point["start"]["v"])
-        off = min(mp.norm(own - state), mp.norm(own + state))
-        worst = max(worst, abs(point["h"] / energy - 1), off / mp.norm(state))
+        off = min(mp.norm(own - state), mp.norm(own + state)) - mp.norm(beside - state)
+        worst = max(worst, (abs(point["h"] - energy) - abs(moved - energy)) / energy, off / mp.norm(state))
     return float(worst)
 
 
 MODES = [(1, -0.8, 1), (1, None, 1)]
 MODES += [(n, lower, number) for n in (3, 5) for lower in (-0.8, None) for number in (1, 2, 3)]
-# Not mode 9 of twelve: it hardly moves the stop. Its energy changes by 2e4 parts for one part of alpha. Rounding alpha then makes 5e-12.
-MODES += [(12, lower, number) for lower, numbers in ((-0.8, (1, 6)), (None, (2, 4))) for number in numbers]
+# Mode 9 of twelve hardly moves the stop: its energy changes by 2e4 parts for one part of alpha, and rounding alpha makes 5e-12.
+MODES += [(12, lower, number) for lower, numbers in ((-0.8, (1, 6, 9)), (None, (2, 4, 9))) for number in numbers]
 
 
 @pytest.mark.parametrize(("n", "lower", "number"), MODES[::4])
