@@ -7,7 +7,8 @@
 ///     rate(z, out)                  z'
 ///     carry(map, x, out)            out = map x, with what is known of the map's pattern
 ///     path_of(flight, z, duration)  a function beside it: an object for evaluations along one flight, see path.hpp
-///     energy(z), energy_slope(z, out), bend(z, factor, add)   the conserved energy H, its gradient, its second derivative
+///     twice_energy(z), energy_slope(z, out), bend(z, factor, add)   2 H of the conserved energy H, its gradient, its second
+///                                   derivative
 ///     is_series()                   whether flights are series with an error, and can have cuts (equation (45))
 ///     velocity_unit(z, v, t)        the unit of residuals of velocities at the end z of a flight: a typical velocity v; or
 ///                                   the change of the velocities there in a typical duration t, if that is more

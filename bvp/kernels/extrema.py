@@ -213,25 +213,6 @@ def refine(track, low, f_low, high, f_high, tolerance):
     return root
 
 
-@inlined
-def mark_changes(track, floor, inside, first, last, sign, upwards, tolerance, times):
-    """Times at which f changes sign after an earlier `sign` (0: none yet), to a `tolerance`, into `times` as far as there is room.
-
-    `upwards`: only those to a positive sign count. A change at the very beginning is at time 0. floor, inside, first, last: of
-    `next_sign_change`. Returns (their number, or -1 when the search gave up; last sign)."""
-    count = 0
-    here, f, t, steps = 0.0, 0.0, 0.0, 0
-    while True:
-        found, before, f_before, here, f, t, steps = next_sign_change(track, floor, inside, first, last, sign, here, f, t, steps)
-        if not found:
-            return count if t == math.inf else -1, sign
-        if sign != 0 and (f > 0.0 or not upwards):
-            if count < times.shape[0]:
-                times[count] = refine(track, before, f_before, here, f, tolerance) if here > 0.0 else 0.0
-            count += 1
-        sign = int64(1) if f > 0.0 else int64(-1)
-
-
 @kernel
 def rises(flight, value, rate, second, z, duration, sign, times, work):
     """Times in [0, duration) at which f = value . z(t) crosses zero upwards, into `times`, after an earlier `sign` of f (0: none yet).
@@ -240,8 +221,17 @@ def rises(flight, value, rate, second, z, duration, sign, times, work):
     Returns (count, last sign); count is -1 where the search gave up or there is no room."""
     track = track_of(flight, value, rate, second, z, duration, work)
     level = 1e-13 * (track.level + 1e-300)
-    count, sign = mark_changes(track, 1e-13 * duration, level, level, level, sign, True, 1e-16 * duration, times)
-    return count if count <= times.shape[0] else -1, sign
+    floor, tolerance, count = 1e-13 * duration, 1e-16 * duration, 0
+    here, f, t, steps = 0.0, 0.0, 0.0, 0
+    while True:
+        found, before, f_before, here, f, t, steps = next_sign_change(track, floor, level, level, level, sign, here, f, t, steps)
+        if not found:
+            return count if t == math.inf and count <= times.shape[0] else -1, sign
+        if sign != 0 and f > 0.0:
+            if count < times.shape[0]:
+                times[count] = refine(track, before, f_before, here, f, tolerance) if here > 0.0 else 0.0
+            count += 1
+        sign = int64(1) if f > 0.0 else int64(-1)
 
 
 @inlined

@@ -1,16 +1,6 @@
-"""The multipoint problem of an impacting orbit, equation (30): its data, its residual and its Jacobian.
+"""What the kernels of all multipoint problems share: their kinds of ends, the result of a step, and the work space of Newton's method.
 
-Unknowns   y = (s, t_0, z_1, t_1, ..., z_k, t_k [, xi]):  start parameters, flight times, node states after each inner impact
-Equations  R exp(B t_i) z_i - z_{i+1} = 0,  g . z_{i+1} - bound = 0   for each inner impact, then the closing equations:
-           two ends   L exp(B t_k) z_k = L0                      (n equations; z_0 = Z s + c)
-           periodic   R exp(B t_k) z_k + xi grad H(z_0) - z_0 = 0,  g . z_0 - bound = 0
-
-The start of a periodic orbit is an impact, which is its phase condition. Without impacts it is where the sum of the modal displacements is
-largest, g being the row of its rate. At a cut (`bvp.kernels.cuts`) t_i - t_{i+1} = 0 takes the place of the gap.
-
-xi is the unfolding parameter of the conserved energy
-(Munoz-Almaraz et al., Physica D 181 (2003) 1), given as a kick along grad H at the closure: H(z_0) = H(z_0 - xi grad H) forces
-xi = 0 on every solution (the other root is of order one, far from any start). There is one unknown more than equations: a family.
+Conservative orbits are those of the compiled core (`bvp/core/problem.hpp`), whose results have the same entries.
 """
 
 from typing import NamedTuple
