@@ -233,8 +233,13 @@ struct Rotation {
     /// The one that turns (a, b) into (r, 0).
     static Rotation of(double a, double b) {
         if (b == 0.0) return {};
-        const double square = a * a + b * b;
-        const double r = square > 1e-280 && square < 1e280 ? std::sqrt(square) : hypot(a, b);
+        double square = a * a + b * b;
+        if (!(square > 1e-280 && square < 1e280)) {  // the length of what has lost digits below the normal numbers has none
+            const int exponent = std::ilogb(std::max(std::fabs(a), std::fabs(b)));
+            a = std::ldexp(a, -exponent), b = std::ldexp(b, -exponent);
+            square = a * a + b * b;
+        }
+        const double r = std::sqrt(square);
         return {a / r, b / r};
     }
     void turn(double& x, double& y) const {

@@ -18,7 +18,9 @@ SchurForm::SchurForm(Array<> form, Array<> basis) : t(std::move(form)), q(std::m
 void SchurForm::to_hessenberg() {
     std::vector<double> v(size());
     for (int k = 0; k < size() - 2; ++k) {
-        for (int r = 0; r < size(); ++r) v[r] = t(r, k);
+        double largest = 0.0;
+        for (int r = k + 1; r < size(); ++r) largest = larger(largest, std::fabs(t(r, k)));
+        for (int r = k + 1; r < size(); ++r) v[r] = largest > 0.0 ? t(r, k) / largest : 0.0;
         const double factor = reflector(v, k + 1, size());
         if (factor == 0.0) continue;
         reflect_from_left(t, v, k + 1, factor);

@@ -47,6 +47,11 @@ def assert_blocks_are_the_system(system, tolerance):
     assert inside.sum() == sum(4 if j >= 0 else j * j for _, j in modes.pairs)
 
 
+@pytest.mark.parametrize("damping", [2e-313, 1e-308, 1e-200])
+def test_damping_below_the_normal_numbers(damping):
+    assert_blocks_are_the_system(vibro_impact_nes(1.0, 1.0, damping, 1.0), 16 * EPSILON)
+
+
 @pytest.mark.parametrize("mu", [1e-8, 1e-4, 0.1, 1.0, 1e4, 1e8])
 @pytest.mark.parametrize("sigma", [1e-6, 0.1, 2.0, 1e3])
 def test_frequencies_of_the_reference_system_keep_their_digits_at_any_mass_ratio(mu, sigma):

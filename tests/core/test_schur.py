@@ -23,11 +23,13 @@ def matrices(size):
     yield np.eye(size, k=1) - np.eye(size, k=-1)
     yield 0.5 * np.eye(size) + np.eye(size, k=1)
     yield np.zeros((size, size))
+    yield np.diag(np.arange(size) // 2.0) + 1e-312 * random.normal(size=(size, size))  # of numbers with few digits
+    yield 1e-200 * random.normal(size=(size, size))
 
 
 def require_schur_form(matrix, t, q):
     size = len(matrix)
-    scale = max(np.abs(matrix).max(), 1e-300) * size
+    scale = max(np.abs(matrix).max(), 1e-305) * size
     assert np.abs(q.T @ q - np.eye(size)).max() < 40 * size * EPSILON
     assert np.abs(q @ t @ q.T - matrix).max() < 40 * size * EPSILON * scale
     assert not np.tril(t, -2).any()
