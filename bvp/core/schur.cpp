@@ -5,8 +5,22 @@
 namespace saltus {
 
 SchurForm::SchurForm(Array<> matrix) : t(std::move(matrix)), q(identity(t.rows())) {
+    double norm = 0.0;
+    for (int r = 0; r < size(); ++r)
+        for (int c = 0; c < size(); ++c) norm += std::fabs(t(r, c));
+    if (!(norm < INFINITE)) throw std::runtime_error("the entries are no numbers");
+    if (norm == 0.0) return;
+    const int exponent = std::ilogb(norm);
+    scale(-exponent);
     to_hessenberg();
     iterate();
+    scale(exponent);
+}
+
+/// t <- 2^exponent t: of a size about 1 products of its entries keep their digits.
+void SchurForm::scale(int exponent) {
+    for (int r = 0; r < size(); ++r)
+        for (int c = 0; c < size(); ++c) t(r, c) = std::ldexp(t(r, c), exponent);
 }
 
 SchurForm::SchurForm(Array<> form, Array<> basis) : t(std::move(form)), q(std::move(basis)) {
@@ -30,18 +44,16 @@ void SchurForm::to_hessenberg() {
     }
 }
 
-/// Francis's iteration with two shifts. An entry below the diagonal is 0 where it is rounding of its neighbours.
+/// Francis's iteration with two shifts. An entry below the diagonal is 0 where it is rounding of its neighbours, or too
+/// small for products of it.
 void SchurForm::iterate() {
-    double norm = 0.0;
-    for (int r = 0; r < size(); ++r)
-        for (int c = 0; c < size(); ++c) norm += std::fabs(t(r, c));
-    if (!(norm < INFINITE)) throw std::runtime_error("the entries are no numbers");
+    constexpr double SMALLEST = 1e-290;
     std::vector<double> v(size());
     for (int high = size() - 1, steps = 0; high >= 0;) {
         int low = high;
         for (; low > 0; --low) {
             const double around = std::fabs(t(low, low)) + std::fabs(t(low - 1, low - 1));
-            if (std::fabs(t(low, low - 1)) <= EPSILON * (around > 0.0 ? around : norm)) break;
+            if (std::fabs(t(low, low - 1)) <= larger(EPSILON * (around > 0.0 ? around : 1.0), SMALLEST)) break;
         }
         if (low > 0) t(low, low - 1) = 0.0;
         if (low >= high - 1) {
@@ -102,8 +114,9 @@ void SchurForm::standardise(int k) {
     // A rotation by half an angle turns (half, (b + c)/2), and leaves b - c.
     const double sum = 0.5 * (b + c), size = hypot(half, sum);
     if (half != 0.0) {
-        const double cosine = std::sqrt(0.5 * (1.0 + std::fabs(sum) / size));
-        rotate(k, {cosine, -std::copysign(half / (2.0 * size * cosine), sum * half)});
+        const Rotation whole = Rotation::of(std::fabs(sum), half);
+        const double cosine = std::sqrt(0.5 * (1.0 + whole.c));
+        rotate(k, {cosine, -std::copysign(whole.s / (2.0 * cosine), sum * half)});
     }
     const double skew = 0.5 * (b - c), long_side = skew + std::copysign(size, skew), short_side = -square / long_side;
     const bool first = (sum < 0.0) == (skew < 0.0);  // whether b is the longer one

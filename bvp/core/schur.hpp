@@ -45,6 +45,7 @@ public:
     bool move(int from, int to);
 
 private:
+    void scale(int exponent);
     void to_hessenberg();
     void iterate();
     void standardise(int k);
