@@ -36,7 +36,7 @@ def require_schur_form(matrix, t, q):
     pairs = np.flatnonzero(np.diagonal(t, -1))
     assert not np.any(np.diff(pairs) == 1)
     for k in pairs:
-        assert t[k, k] == t[k + 1, k + 1] and t[k, k + 1] * t[k + 1, k] < 0.0
+        assert t[k, k] == t[k + 1, k + 1] and np.sign(t[k, k + 1]) == -np.sign(t[k + 1, k])
 
 
 @pytest.mark.parametrize("size", range(1, 13))
