@@ -235,6 +235,7 @@ struct Rotation {
         if (b == 0.0) return {};
         double square = a * a + b * b;
         if (!(square > 1e-280 && square < 1e280)) {  // the length of what has lost digits below the normal numbers has none
+            if (!(std::fabs(a) < INFINITE && std::fabs(b) < INFINITE)) return {NOT_A_NUMBER, NOT_A_NUMBER};
             const int exponent = std::ilogb(std::max(std::fabs(a), std::fabs(b)));
             a = std::ldexp(a, -exponent), b = std::ldexp(b, -exponent);
             square = a * a + b * b;
