@@ -51,7 +51,7 @@ def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     columns = _numbers(right if right.ndim == 2 else right[:, None])
     try:
         found = core.solve(_numbers(matrix), columns)
-    except ValueError as error:
+    except RuntimeError as error:
         raise np.linalg.LinAlgError(str(error)) from None
     return found if right.ndim == 2 else found[:, 0]
 
@@ -66,7 +66,7 @@ def cholesky(matrix: np.ndarray) -> np.ndarray:
     """
     try:
         return np.asarray(core.cholesky(_numbers(matrix)))
-    except ValueError as error:
+    except RuntimeError as error:
         raise np.linalg.LinAlgError(str(error)) from None
 
 

@@ -165,10 +165,12 @@ public:
     std::vector<int> outputs;  // the register of each expression
     int parameters = 0;
 
-    template <class T, class Parameters, class Out>
-    void evaluate(const Parameters& at, Out&& out) const {
+    /// Call take(k, value) for each expression k at values of the parameters.
+    template <class T, class At, class Take>
+    void evaluate(const At& at, Take&& take) const {
+        if (outputs.empty()) return;
         const int first = parameters + int(constants.size());
-        Local<T> registers(first + int(operations.size()));
+        Local<T, DYNAMIC, 64> registers(first + int(operations.size()));
         for (int i = 0; i < parameters; ++i) registers[i] = at[i];
         for (size_t i = 0; i < constants.size(); ++i) registers[parameters + int(i)] = T(constants[i]);
         for (size_t i = 0; i < operations.size(); ++i) {
@@ -181,7 +183,7 @@ public:
             else if (is_constant(operation.second)) result = pow(x, value(registers[operation.second]));
             else result = pow(x, registers[operation.second]);
         }
-        for (size_t k = 0; k < outputs.size(); ++k) out[k] = registers[outputs[k]];
+        for (size_t k = 0; k < outputs.size(); ++k) take(int(k), registers[outputs[k]]);
     }
 
 private:

@@ -112,12 +112,13 @@ struct SmoothEquations {
     T twice_energy(const Z& z) const {
         T total = weights[0] * z[0] * z[0];
         for (int r = 1; r < size(); ++r) total += weights[r] * z[r] * z[r];
-        Local<T> parts(inputs.rows()), stored(1);
+        Local<T> parts(inputs.rows());
+        T stored(0.0);
         for (int i = 0; i < inputs.rows(); ++i) parts[i] = inputs.times(i, &z[0]);
-        if (!called) potential.evaluate<T>(parts, stored);
-        else if constexpr (std::is_same_v<T, double>) stored[0] = called->energy(parts);
-        else stored[0] = T(NOT_A_NUMBER);
-        return total + 2.0 * stored[0];
+        if (!called) potential.evaluate<T>(parts, [&](int, const T& entry) { stored = entry; });
+        else if constexpr (std::is_same_v<T, double>) stored = called->energy(parts);
+        else stored = T(NOT_A_NUMBER);
+        return total + 2.0 * stored;
     }
 
 private:

@@ -54,21 +54,21 @@ def exact(system, flight, z, t, changes, exponentials):
 
 
 def judged(system, flight, z, t):
-    """Largest error of end, derivatives and rate, relative to their sizes."""
+    """Largest error of end, derivatives and rate, relative to their sizes, of the kernels and of the core."""
     count = len(z)
-    out, jacobian, rate = flight.end(z, t)
+    found = flight.end(z, t), flight.core_end(z, t)
     errors = []
     with mp.workdps(DIGITS):
         none, known = [mp.mpf(0)] * (count + 1), {}
         plain = exact(system, flight, z, t, none, known)
-        errors.append((out, np.array([float(value) for value in plain])))
+        errors.append(([out for out, _, _ in found], np.array([float(value) for value in plain])))
         step = mp.mpf(10) ** -20
         for c in range(count + 1):
             ahead, behind = ([*none[:c], sign * step, *none[c + 1 :]] for sign in (1, -1))
             pair = (exact(system, flight, z, t, changed, known) for changed in (ahead, behind))
             slope = np.array([float((a - b) / (2 * step)) for a, b in zip(*pair, strict=True)])
-            errors.append((jacobian[:, c] if c < count else rate, slope))
-    return max(np.abs(ours - theirs).max() / max(1.0, np.abs(theirs).max()) for ours, theirs in errors)
+            errors.append(([jacobian[:, c] if c < count else rate for _, jacobian, rate in found], slope))
+    return max(np.abs(ours - theirs).max() / max(1.0, np.abs(theirs).max()) for both, theirs in errors for ours in both)
 
 
 def oscillator(damping=0.0, stiffness=1.0):

@@ -11,7 +11,10 @@ import sys
 import numpy as np
 import saltus_core
 
+from bvp.forced import ForcedProblem
+from bvp.forced_orbits import core_problem
 from bvp.multipoint import MultipointProblem
+from bvp.parameters import ParametricSystem
 from bvp.smooth_flights import core_flight
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus import discover, trace
@@ -54,6 +57,22 @@ def families():
     yield "curvature of a chain", problem.jacobian(np.ldexp(1.0 + np.arange(problem.unknowns), -4))
 
 
+def loads():
+    """The equations of an orbit under loads, their derivatives, and its multipliers."""
+    description = {
+        "parameters": {"A": 0.75, "w": 1.25, "r": 0.5, "b": 0.125},
+        "system": {"mass": [[1.0]], "damping": [["b/2"]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": 0.25, "restitution": "r"}]},
+        "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}, {"load": [1.0], "constant": "A/8"}],
+    }
+    problem = ForcedProblem(ParametricSystem.from_description(description), ("+", "+", "+"), ("w", "A"), keep=("A = 0.6*w",))
+    core = core_problem(problem)
+    y = np.ldexp(1.0 + np.arange(core.unknowns), -4)
+    yield "residual", core.residual(y)
+    yield "jacobian", core.jacobian(y)
+    yield "second derivative", core.derivative(y, np.stack([y, y[::-1]]))
+    yield "multipliers", core.multipliers(y)
+
+
 def searches():
     """Every orbit at an energy: quarter periods and states."""
     for energy in (0.5, 3.0):
@@ -63,6 +82,7 @@ def searches():
 
 
 CHAIN = np.array([[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.5]])
+
 
 def modes():
     """Of damped chains, whose modes are coupled, uncoupled and overdamped."""
@@ -83,7 +103,7 @@ def smooth_flights():
             yield f"{name} at {time}", np.concatenate([[end], derivative])
 
 
-PARTS = [elementary_functions, families, searches, modes, smooth_flights]
+PARTS = [elementary_functions, families, loads, searches, modes, smooth_flights]
 
 
 def lines():

@@ -141,5 +141,5 @@ def test_singular_matrices_and_wrong_sizes_are_refused():
         core.schur(np.full((2, 2), math.inf))
     for call in (lambda: core.schur(np.ones((2, 3))), lambda: core.product(np.ones((2, 3)), np.ones((2, 3))),
                  lambda: core.solve(np.eye(2), np.ones((3, 1))), lambda: core.sylvester(np.eye(2), np.eye(3), np.ones((2, 2)))):
-        with pytest.raises(ValueError, match="expected"):
+        with pytest.raises(ValueError, match="expected|not square"):
             call()

@@ -89,7 +89,9 @@ class LoadedFlight:
         parts = [
             np.concatenate([[part], zero if slope is None else slope]) for part, slope in ((cosine, cosine_slope), (sine, sine_slope))
         ]
-        modal = np.stack(parts, axis=2) @ (modes.from_state[:, n:] @ np.linalg.inv(system.mass)).T
+        self.drive = modes.from_state[:, n:] @ np.linalg.inv(system.mass)
+        self.forces = np.stack(parts, axis=2).reshape(-1, n)
+        modal = np.stack(parts, axis=2) @ self.drive.T
         self.loads = Loads(np.array(harmonics, float), modal, np.array(clock, float), float(load_periods))
         self.to_state = np.ascontiguousarray(modes.to_state)
         self._arrays = _LoadedArrays(
@@ -102,6 +104,33 @@ class LoadedFlight:
         node = np.array(node, float)
         out, derivatives, rate = np.empty(len(node)), np.empty((len(node), len(node))), np.empty(len(node))
         fly_loaded(self._arrays, node, float(t), out, derivatives, rate)
+        return out, derivatives, rate
+
+    def core_end(self, node, t):
+        """The same by the core, of which the flights know the time by their oscillators."""
+        arrays, loads = self._arrays, self.loads
+        size = len(self.to_state)
+        w, turn = loads.clock[0], 2.0 * np.pi * loads.load_periods
+        clock = node[size], node[size] + t * w / turn
+
+        def oscillators(fraction):
+            angle = loads.harmonics * turn * fraction
+            return np.stack([np.cos(angle), np.sin(angle)], axis=1).ravel()
+
+        flight = core.LoadedFlight(
+            core.LinearFlight(*arrays.free, np.ones(size)), arrays.enter, self.to_state, self.drive, np.array(loads.harmonics, float)
+        )
+        longer = -t * loads.clock[1:] / w  # while the oscillators stay
+        state, by_state, columns = flight.end(
+            np.array(node[:size]), float(t), *map(oscillators, clock), loads.clock, np.ascontiguousarray(self.forces), longer
+        )
+        out = np.array([*state, clock[1], *node[size + 1 :]])
+        derivatives, rate = np.eye(len(out)), np.zeros(len(out))
+        derivatives[:size, :size] = by_state
+        derivatives[:size, size] = (columns[0] + columns[1]) * turn / w
+        derivatives[:size, size + 1 :] = (columns[2:] - longer[:, None] * columns[1]).T
+        derivatives[size, size + 1 :] = t * loads.clock[1:] / turn
+        rate[:size], rate[size] = columns[1], w / turn
         return out, derivatives, rate
 
 

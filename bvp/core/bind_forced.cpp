@@ -1,0 +1,181 @@
+/// Python's view of flights and orbits under periodic loads.
+#include <nanobind/stl/vector.h>
+
+#include "bind_orbit.hpp"
+#include "bind_program.hpp"
+#include "forced_orbit.hpp"
+
+namespace saltus {
+
+namespace {
+
+using Flight = LoadedFlight<>;
+
+std::vector<int> indices(InIndices a) { return {a.data(), a.data() + a.shape(0)}; }
+
+Jet<double, 1> along(double value, double slope) {
+    Jet<double, 1> out(value);
+    out.slopes[0] = slope;
+    return out;
+}
+
+/// A forced problem as Python holds it, compiled for one and two degrees of freedom in one parameter, and for any.
+class BoundForced : public BoundAny {
+public:
+    BoundForced(ForcedParts parts, bool general) {
+        const int size = parts.modes[0].size(), released = int(parts.parameters.released.size());
+        if (size == 2 && released == 1 && !general) problem = make_forced_problem<2, 1>(std::move(parts));
+        else if (size == 4 && released == 1 && !general) problem = make_forced_problem<4, 1>(std::move(parts));
+        else problem = make_forced_problem<DYNAMIC, DYNAMIC>(std::move(parts));
+        any = problem.get();
+    }
+    std::unique_ptr<AnyForcedProblem> problem;
+};
+
+void require_indices(const char* name, const std::vector<int>& values, int least, int end) {
+    for (int index : values)
+        if (index < least || index >= end) throw nb::value_error((std::string("there is no such ") + name).c_str());
+}
+
+}  // namespace
+
+void bind_forced(nb::module_& m) {
+    nb::class_<Flight>(m, "LoadedFlight", "Exact flight under periodic loads, equation (38).")
+        .def(
+            "__init__",
+            [](Flight* self, const LinearFlight<>& free, InMatrix enter, InMatrix leave, InMatrix push, InVector harmonics) {
+                for (const InMatrix* square : {&enter, &leave})
+                    if (int(square->shape(0)) != free.size() || int(square->shape(1)) != free.size())
+                        throw nb::value_error("the coordinates of a flight are as many as its states");
+                require_size("rates by forces", push.shape(0), free.size());
+                require_size("forces", push.shape(1), free.size() / 2);
+                new (self) Flight(free, own(enter), own(leave), own(push), own(harmonics));
+            },
+            nb::arg("free"), nb::arg("enter"), nb::arg("leave"), nb::arg("push"), nb::arg("harmonics"))
+        .def(
+            "end",
+            [](const Flight& self, InVector z, double t, InVector begin, InVector finish, InVector base, InMatrix forces,
+               InVector durations) {
+                const int n = self.size(), rows = 2 * self.harmonics(), m = int(base.shape(0)) - 1;
+                require_size("a state", z.shape(0), n);
+                require_size("oscillators", begin.shape(0), rows);
+                require_size("oscillators", finish.shape(0), rows);
+                require_size("changes of the duration", durations.shape(0), m);
+                require_size("forces", forces.shape(0), (m + 1) * rows);
+                require_size("forces", forces.shape(1), n / 2);
+                const Matrix<const double> f = view(forces);
+                Drive<double> drive;
+                self.set(base.data()[0], f.rows(0, rows), drive);
+                std::vector<Drive<Jet<double, 1>>> drives(m);
+                std::vector<Flight::Slope> slopes;
+                for (int j = 0; j < m; ++j) {
+                    Array<Jet<double, 1>> moved(rows, n / 2);
+                    for (int r = 0; r < rows; ++r)
+                        for (int c = 0; c < n / 2; ++c) moved(r, c) = along(f(r, c), f((j + 1) * rows + r, c));
+                    const Jet<double, 1> w = along(base.data()[0], base.data()[1 + j]);
+                    self.set(w, Matrix<const Jet<double, 1>>(moved), drives[j]);
+                    slopes.push_back({&drives[j], durations.data()[j]});
+                }
+                NewVector out = new_vector(n);
+                NewMatrix map = new_matrix(n, n), columns = new_matrix(2 + m, n);
+                self.end(drive, slopes, view(z), t, view(begin), view(finish), {out.data(), size_t(n)},
+                         Matrix<double>(map.data(), n, n), Matrix<double>(columns.data(), 2 + m, n));
+                return std::make_tuple(out, map, columns);
+            },
+            nb::arg("z"), nb::arg("t"), nb::arg("begin"), nb::arg("finish"), nb::arg("base"), nb::arg("forces"),
+            nb::arg("durations"),
+            "State at the end, its derivatives (N, N) by the begin, and rows of those by the instants of begin and end and "
+            "by m parameters. base (1 + m,), forces ((1 + m) 2 H, n): frequency and forces, then their derivatives.");
+    nb::class_<BoundForced, BoundAny>(m, "ForcedProblem", "The multipoint problem of an orbit under periodic loads, equation (39).")
+        .def(
+            "__init__",
+            [](BoundForced* self, std::vector<Flight> modes, InIndices mode, InIndices release, InIndices bound,
+               InIndices restitution, InVector side, InMatrix gap, InMatrix rate, InMatrix push, InMatrix pull,
+               InMatrix reach, std::tuple<double, double, double> closure, InVector values, InIndices released,
+               InVector entries, InIndices rows, InIndices places, std::tuple<InPairs, InVector, InIndices> program,
+               std::tuple<InPairs, InVector, InIndices> kept, InVector units,
+               std::tuple<InMatrix, InIndices, InIndices, InIndices, InPairs, InIndices> watched, bool general) {
+                if (modes.empty()) throw nb::value_error("a forced problem has a flight");
+                const int size = modes[0].size(), count = int(mode.shape(0)), n = size / 2, all = int(entries.shape(0));
+                for (const Flight& flight : modes) {
+                    require_size("a flight's states", flight.size(), size);
+                    require_size("harmonics", flight.harmonics(), modes[0].harmonics());
+                }
+                if (count < 1) throw nb::value_error("an orbit has a flight");
+                for (const InIndices* part : {&release, &bound, &restitution}) require_size("nodes", part->shape(0), count);
+                require_size("nodes", side.shape(0), count);
+                for (const InMatrix* part : {&gap, &rate, &push}) {
+                    require_size("nodes", part->shape(0), count);
+                    require_size("a row", part->shape(1), size);
+                }
+                require_size("a force's row", pull.shape(1), size);
+                require_size("a force's loads", reach.shape(1), n);
+                require_size("forces", reach.shape(0), pull.shape(0));
+                ForcedEvents events{indices(mode), indices(release), indices(bound), indices(restitution), own(side),
+                                    own(gap), own(rate), own(push), own(pull), own(reach)};
+                require_indices("flight", events.mode, 0, int(modes.size()));
+                require_indices("contact force", events.release, -1, int(pull.shape(0)));
+                require_indices("bound", events.bound, -1, all);
+                require_indices("restitution", events.restitution, -1, all);
+                for (int i = 0; i < count; ++i)
+                    if (events.side[i] != 0.0 && events.bound[i] < 0) throw nb::value_error("an impact needs a bound");
+                require_size("places of loads", places.shape(0), 4);
+                const int harmonics = modes[0].harmonics(), harmonic = harmonics - (harmonics > 0 && modes[0].harmonic(0) == 0.0);
+                const int64_t* at = places.data();
+                if (at[0] < 0 || at[0] + n > all || at[1] < 0 || at[1] + harmonic * n > all || at[2] < 0 ||
+                    at[2] + harmonic * n > all || at[3] < 0 || at[3] >= all)
+                    throw nb::value_error("the loads are outside the entries");
+                const int names = int(values.shape(0));
+                const auto make = [names](auto& parts) {
+                    return formulas(names, std::get<0>(parts), std::get<1>(parts), std::get<2>(parts));
+                };
+                Parameters parameters{make(program), indices(rows), own(values), indices(released), own(entries),
+                                      int(at[0]), int(at[1]), int(at[2]), int(at[3]), make(kept)};
+                require_size("rows of the program", parameters.rows.size(), parameters.program.outputs.size());
+                require_indices("entry", parameters.rows, 0, all);
+                require_indices("parameter", parameters.released, 0, names);
+                require_size("kept equations", parameters.kept.outputs.size() + 1, parameters.released.size());
+                require_size("units", units.shape(0), size + 1 + released.shape(0));
+                auto& [gaps, lower, upper, stop, force, opens] = watched;
+                ForcedWatch watch{own(gaps), indices(lower), indices(upper), indices(stop), {}, indices(opens)};
+                const int stops = watch.stops();
+                require_size("a gap", gaps.shape(1), size);
+                require_size("bounds", watch.lower.size(), stops);
+                require_size("bounds", watch.upper.size(), stops);
+                require_size("nodes", watch.stop.size(), count);
+                require_size("nodes", watch.opens.size(), count);
+                require_size("flights", force.shape(0), modes.size());
+                require_size("stops", force.shape(1), stops);
+                watch.force = Array<int>(int(modes.size()), stops, 0);
+                for (size_t k = 0; k < force.size(); ++k) watch.force.data()[k] = int(force.data()[k]);
+                require_indices("bound", watch.lower, 0, all);
+                require_indices("bound", watch.upper, 0, all);
+                require_indices("stop", watch.stop, -1, stops);
+                require_indices("flight", watch.opens, -1, int(modes.size()));
+                require_indices("contact force", {watch.force.data(), watch.force.data() + force.size()}, -1, int(pull.shape(0)));
+                new (self) BoundForced({std::move(modes), std::move(parameters), std::move(events),
+                                        {std::get<0>(closure), std::get<1>(closure), std::get<2>(closure)}, own(units),
+                                        std::move(watch)},
+                                       general);
+            },
+            nb::arg("modes"), nb::arg("mode"), nb::arg("release"), nb::arg("bound"), nb::arg("restitution"),
+            nb::arg("side"), nb::arg("gap"), nb::arg("rate"), nb::arg("push"), nb::arg("pull"), nb::arg("reach"),
+            nb::arg("closure"), nb::arg("values"), nb::arg("released"), nb::arg("entries"), nb::arg("rows"),
+            nb::arg("places"), nb::arg("program"), nb::arg("kept"), nb::arg("units"), nb::arg("watched"), nb::arg("general") = false,
+            "general: take what is compiled for any number of states and parameters.")
+        .def(
+            "multipliers",
+            [](BoundForced& self, InVector y) {
+                require_size("unknowns", y.shape(0), self.unknowns());
+                const size_t n = self.problem->size();
+                NewMatrix out = new_matrix(2, int(n));
+                if (!self.problem->multipliers(view(y), {out.data(), n}, {out.data() + n, n}))
+                    std::fill(out.data(), out.data() + 2 * n, NOT_A_NUMBER);
+                return out;
+            },
+            nb::arg("y"),
+            "Real and imaginary parts of the multipliers by modulus descending, of half a period those of x -> -x over it; NaN "
+            "where they are not found.");
+}
+
+}  // namespace saltus

@@ -1,0 +1,489 @@
+/// The multipoint problem of an orbit under periodic loads, equation (39), in released parameters.
+///
+/// Unknowns   y = (c_0, z_0, c_1, z_1, ..., c_k, z_k, parameters): nodes z = (u, v) after each event, and their times c,
+///            fractions of the period T = 2 pi p/w
+/// Equations  R flight(z_i, c_i, c_{i+1}) - z_{i+1} = 0,  g . u_{i+1} - bound = 0  for each flight but the last, then
+///            R flight(z_k, c_k, c_0 + 1) - z_0 = 0,      g . u_0 - bound = 0
+///            and an equation of the user for each released parameter but one
+///
+/// Of half a period, -z_0 and c_0 + 1/2 take the places of z_0 and c_0 + 1. At a release the contact force, equation
+/// (43), takes the place of the gap. Without impacts c_0 = 0 takes the place of the last gap, and flights of equal time
+/// that of the others. Without harmonic loads there is no clock: the flight times t_i are unknowns in place of c_i.
+#pragma once
+
+#include "contact.hpp"
+#include "elimination.hpp"
+#include "loaded_flight.hpp"
+#include "problem.hpp"
+#include "program.hpp"
+
+namespace saltus {
+
+/// What of a system depends on parameters: entries of the vector that `bvp.entries` describes, from the bounds on.
+struct Parameters {
+    Formulas program;              // the entries of `rows`
+    std::vector<int> rows;
+    std::vector<double> values;    // of all parameters
+    std::vector<int> released;     // those among them that are unknowns
+    std::vector<double> entries;   // at these values
+    int constant, cosine, sine, frequency;  // where the loads begin
+    Formulas kept;                 // left less right sides of the user's equations
+};
+
+/// The events of an orbit, in order of time from the second one on: node i is that at the end of flight i.
+struct ForcedEvents {
+    std::vector<int> mode;         // (k + 1,) contact mode of each flight
+    std::vector<int> release;      // (k + 1,) force row that vanishes at a node; -1: no release
+    std::vector<int> bound, restitution;  // (k + 1,) entries of a node's stop; -1: none, and no rebound
+    std::vector<double> side;      // (k + 1,) +1 upper, -1 lower, 0 no impact
+    Array<> gap, rate, push;       // (k + 1, N)
+    /// Contact forces of unit states and of unit loads, equation (43), one in each row.
+    Array<> pull, reach;           // (.., N), (.., n)
+    int nodes() const { return int(mode.size()); }
+};
+
+/// How the orbit closes.
+struct ForcedClosure {
+    double sign;          // what the state is multiplied by over the segment: -1 of half a period
+    double part;          // of the period that it lasts; 0: there is no clock
+    double load_periods;  // periods of the base frequency in one of the orbit
+};
+
+/// What is known of a system at values of the released parameters.
+template <class T>
+struct Setting {
+    std::vector<T> parameters, entries;
+    T cycle;                       // T
+    Array<T> forces;               // (2 H, n) by cos and by sin
+    std::vector<Drive<T>> drives;  // of each contact mode
+};
+
+/// Orbits of N states in P released parameters; both may be DYNAMIC.
+template <int N = DYNAMIC, int P = DYNAMIC>
+class ForcedProblem {
+public:
+    static constexpr int SIZE = N;
+    static constexpr int ROWS = N == DYNAMIC || P == DYNAMIC ? DYNAMIC : N + 1 + P;
+    using FlightType = LoadedFlight<N>;
+    using First = Jet<double, 1>;
+    template <class T = double>
+    using State = Local<T, N>;
+
+    /// The time of a node comes first: then reflections of the elimination are short.
+    ///
+    /// units (N + 1 + P,): a unit of arclength for each entry of a state, for the time, and for each parameter; 0: a
+    /// unit of its logarithm.
+    ForcedProblem(std::vector<LoadedFlight<N>> modes, Parameters parameters, ForcedEvents events, ForcedClosure closure,
+                  std::vector<double> units)
+        : modes_(std::move(modes)), parameters_(std::move(parameters)), events_(std::move(events)), closure_(closure),
+          units_(std::move(units)) {}
+
+    constexpr int size() const {
+        if constexpr (N != DYNAMIC) return N;
+        return modes_[0].size();
+    }
+    constexpr int released() const {
+        if constexpr (P != DYNAMIC) return P;
+        return int(parameters_.released.size());
+    }
+    constexpr int rows() const { return size() + 1; }
+    int inner() const { return events_.nodes() - 1; }
+    int kept() const { return int(parameters_.kept.outputs.size()); }
+    int closers() const { return rows() + kept(); }
+    int unknowns() const { return (inner() + 1) * rows() + released(); }
+    int harmonics() const { return modes_[0].harmonics(); }
+    bool has_clock() const { return closure_.part > 0.0; }
+    const ForcedClosure& closure() const { return closure_; }
+    const ForcedEvents& events() const { return events_; }
+    const LoadedFlight<N>& flight(int i) const { return modes_[events_.mode[i]]; }
+    const LoadedFlight<N>& mode(int f) const { return modes_[f]; }
+    int modes() const { return int(modes_.size()); }
+    Values units() const { return units_; }
+    /// Coordinates of arclength.
+    int coordinates() const { return rows() + released() + 1; }
+
+    int time(int i) const { return i * rows(); }
+    int begin(int i) const { return i * rows() + 1; }
+    int parameter(int j) const { return (inner() + 1) * rows() + j; }
+    bool hits(int i) const { return events_.side[i] != 0.0; }
+    /// Whether nothing happens at node i: a response without impacts has a clock.
+    bool is_cut(int i) const { return !hits(i) && events_.release[i] < 0; }
+    /// Whether impact i has a rebound that is known by an entry.
+    bool rebounds(int i) const { return hits(i) && events_.restitution[i] >= 0; }
+
+    BlockElimination<ROWS> elimination() const { return {inner(), rows(), rows(), closers(), true, released()}; }
+
+    /// Fill what is known at values p (P,) of the released parameters.
+    template <class T>
+    void set(Vector<const T> p, Setting<T>& out) const {
+        const auto& entries = parameters_.entries;
+        out.parameters.assign(parameters_.values.begin(), parameters_.values.end());
+        for (int j = 0; j < released(); ++j) out.parameters[parameters_.released[j]] = p[j];
+        out.entries.assign(entries.begin(), entries.end());
+        parameters_.program.evaluate<T>(out.parameters,
+                                [&](int k, const T& entry) { out.entries[parameters_.rows[k]] = entry; });
+        const T& base = out.entries[parameters_.frequency];
+        if (has_clock()) out.cycle = 2.0 * PI * closure_.load_periods / base;
+        else out.cycle = T(1.0);
+        const int n = size() / 2;
+        if (out.drives.empty()) out.forces = Array<T>(2 * harmonics(), n), out.drives.resize(modes_.size());
+        const bool constant = harmonics() > 0 && modes_[0].harmonic(0) == 0.0;
+        for (int h = 0; h < harmonics(); ++h)
+            for (int part = 0; part < 2; ++part) {
+                const bool steady = constant && h == 0;
+                const int first = steady ? parameters_.constant
+                                         : (part == 0 ? parameters_.cosine : parameters_.sine) + (h - constant) * n;
+                for (int c = 0; c < n; ++c) out.forces(2 * h + part, c) = steady && part == 1 ? T(0.0) : out.entries[first + c];
+            }
+        for (size_t f = 0; f < modes_.size(); ++f) modes_[f].set(base, Matrix<const T>(out.forces), out.drives[f]);
+    }
+
+    /// The oscillators (2 H,) at a time c of the clock.
+    template <class T, class Out>
+    void oscillators(const T& c, Out&& out) const {
+        for (int h = 0; h < harmonics(); ++h) {
+            T sine(0.0), cosine(1.0);
+            if (modes_[0].harmonic(h) != 0.0) sincos(turn_rate(h) * c, sine, cosine);
+            out[2 * h] = cosine, out[2 * h + 1] = sine;
+        }
+    }
+
+    /// The clock at node i; k + 1: at the end.
+    template <class Y>
+    auto clock(const Y& y, int i) const {
+        using T = std::remove_cvref_t<decltype(y[0])>;
+        if (!has_clock()) return T(0.0);
+        return i <= inner() ? y[time(i)] : T(y[time(0)] + closure_.part);
+    }
+    /// The duration of flight i.
+    template <class Y, class T>
+    T duration(const Y& y, int i, const T& cycle) const {
+        if (!has_clock()) return y[time(i)];
+        return (clock(y, i + 1) - clock(y, i)) * cycle;
+    }
+    /// The period T at y.
+    double cycle(Values y) const {
+        Local<double, DYNAMIC, 64> values(int(parameters_.values.size()));
+        copy(parameters_.values, values);
+        for (int j = 0; j < released(); ++j) values[parameters_.released[j]] = y[parameter(j)];
+        double base = parameters_.entries[parameters_.frequency];
+        parameters_.program.evaluate<double>(values, [&](int k, double entry) {
+            if (parameters_.rows[k] == parameters_.frequency) base = entry;
+        });
+        return 2.0 * PI * closure_.load_periods / base;
+    }
+    /// Sum of the flight times in the unknowns y, or in a change of them, where there is no clock.
+    double total_time(Values y) const {
+        double total = 0.0;
+        for (int i = 0; i <= inner(); ++i) total += y[time(i)];
+        return total;
+    }
+
+    /// F(y), (u - 1,), in any number type.
+    template <class Y, class Out>
+    void residual(const Y& y, Out&& out) const {
+        using T = std::remove_cvref_t<decltype(y[0])>;
+        Setting<T> at;
+        set(Vector<const T>(&y[parameter(0)], released()), at);
+        Array<T> before(inner() + 1, size()), turns(inner() + 2, 2 * harmonics());
+        for (int i = 0; i <= inner() + 1; ++i) oscillators(clock(y, i), turns[i]);
+        for (int i = 0; i <= inner(); ++i)
+            flight(i).end(at.drives[events_.mode[i]], Vector<const T>(&y[begin(i)], size()), duration(y, i, at.cycle), turns[i],
+                          turns[i + 1], before[i]);
+        equations(y, at, before, turns, out);
+    }
+
+    /// The same from the states `before` the events, at the end of each flight, (k + 1, N), and the oscillators there.
+    template <class Y, class T, class Out>
+    void equations(const Y& y, const Setting<T>& at, const Array<T>& before, const Array<T>& turns, Out&& out) const {
+        for (int i = 0; i <= inner(); ++i) {
+            // Equation (39): the flight lands on the next node, which lies on its stop, or opens it.
+            const int row = i * rows(), next = begin(i < inner() ? i + 1 : 0);
+            const double sign = i < inner() ? 1.0 : closure_.sign;
+            land(i, at, before[i], &out[row]);
+            for (int r = 0; r < size(); ++r) out[row + r] -= sign * y[next + r];
+            if (is_cut(i)) out[row + size()] = cut(y, i);
+            else out[row + size()] = place(i, at, Vector<const T>(&y[next], size()), sign, turns[i + 1]);
+        }
+        parameters_.kept.evaluate<T>(at.parameters,
+                             [&](int e, const T& entry) { out[(inner() + 1) * rows() + e] = entry; });
+    }
+
+    /// out = the state after event i, equation (4).
+    template <class T, class Z, class Out>
+    void land(int i, const Setting<T>& at, const Z& before, Out* out) const {
+        const Vector<Out> to(out, size());
+        if (!hits(i)) return copy(before, to);
+        apply_impact(events_.rate[i], events_.push[i], rebound(i, at), before, to);
+    }
+
+    /// 1 + restitution of the impact at node i.
+    template <class T>
+    T rebound(int i, const Setting<T>& at) const {
+        const int entry = events_.restitution[i];
+        return entry >= 0 ? 1.0 + at.entries[entry] : T(1.0);
+    }
+
+    /// The contact force of a row at a state, equation (43).
+    template <class T, class Z, class O>
+    T force(int row, const Setting<T>& at, const Z& z, const O& turns) const {
+        T total(0.0);
+        for (int r = 0; r < size(); ++r) total -= events_.pull(row, r) * z[r];
+        for (int q = 0; q < 2 * harmonics(); ++q) total += dot(events_.reach[row], at.forces[q]) * turns[q];
+        return total;
+    }
+
+    /// Flights of an orbit, and what belongs to them.
+    struct Flown {
+        explicit Flown(const ForcedProblem& problem)
+            : before(problem.inner() + 1, problem.size()),
+              maps(problem.inner() + 1, problem.size() * problem.size()),
+              columns(problem.inner() + 1, (2 + problem.released()) * problem.size()),
+              turns(problem.inner() + 2, 2 * problem.harmonics()), landed(2 + problem.released(), problem.size()),
+              slopes(problem.released()) {}
+        Array<> before, maps, columns, turns;  // see `LoadedFlight::end`
+        Array<> landed;                        // columns behind an event
+        Setting<double> at;
+        std::vector<Setting<First>> slopes;    // along each parameter
+        std::vector<typename FlightType::Slope> along;
+    };
+
+    /// F(y), and the flights.
+    void evaluate(Values y, Flown& flown, Vector<double> out) const {
+        const Values p = y.subspan(parameter(0), released());
+        set(p, flown.at);
+        Local<First, P> moved(released());
+        for (int j = 0; j < released(); ++j) {
+            for (int q = 0; q < released(); ++q) moved[q] = First(p[q]);
+            moved[j].slopes[0] = 1.0;
+            set(Vector<const First>(moved), flown.slopes[j]);
+        }
+        for (int i = 0; i <= inner() + 1; ++i) oscillators(clock(y, i), flown.turns[i]);
+        for (int i = 0; i <= inner(); ++i) {
+            flown.along.clear();
+            const int mode = events_.mode[i];
+            const double lasting = clock(y, i + 1) - clock(y, i);
+            for (const auto& slope : flown.slopes) flown.along.push_back({&slope.drives[mode], lasting * slope.cycle.slopes[0]});
+            flight(i).end(flown.at.drives[mode], flown.along, y.subspan(begin(i), size()), duration(y, i, flown.at.cycle),
+                          flown.turns[i], flown.turns[i + 1], flown.before[i],
+                          Matrix<double>(flown.maps[i].data(), size(), size()),
+                          Matrix<double>(flown.columns[i].data(), 2 + released(), size()));
+        }
+        equations(y, flown.at, flown.before, flown.turns, out);
+    }
+
+    /// Fill the typical size of each unknown at an orbit y.
+    ///
+    /// All impacts can be at one place, at rest there, as where the only one grazes at the origin. There the
+    /// acceleration gives the size.
+    Sizes sizes(Values y, const Flown& flown, Vector<double> scale) const {
+        const int half = size() / 2;
+        Sizes found = motion_size(y, flown);
+        for (int i = 0; i <= inner(); ++i) {
+            for (int r = 0; r < size(); ++r) scale[begin(i) + r] = r < half ? found.displacement : found.velocity;
+            scale[time(i)] = has_clock() ? 1.0 : found.longest;
+        }
+        for (int j = 0; j < released(); ++j) scale[parameter(j)] = hypot(units_[rows() + j], y[parameter(j)]);
+        return found;
+    }
+
+    Sizes motion_size(Values y, const Flown& flown) const {
+        const int half = size() / 2;
+        Sizes found{0.0, 0.0, 0.0};
+        double bend = 0.0;
+        for (int i = 0; i <= inner(); ++i) {
+            for (int r = 0; r < half; ++r) {
+                found.displacement = larger(found.displacement, y[begin(i) + r], flown.before(i, r));
+                found.velocity = larger(found.velocity, y[begin(i) + half + r], flown.before(i, half + r));
+                if (hits(i)) bend = larger(bend, flown.columns(i, size() + half + r), 0.0);
+            }
+            found.longest = larger(found.longest, duration(y, i, flown.at.cycle), 0.0);
+        }
+        const double fastest = units_[half] / units_[0];
+        found.velocity = std::max(found.velocity, bend / fastest);
+        double w = flown.at.entries[parameters_.frequency];
+        if (w == 0.0) w = found.longest > 0.0 ? 1.0 / found.longest : fastest;
+        found.displacement = std::max(found.displacement, found.velocity / w);
+        found.velocity = std::max(found.velocity, found.displacement * w);
+        if (found.displacement == 0.0) found.displacement = units_[0], found.velocity = units_[half];
+        if (found.longest == 0.0) found.longest = 1.0 / w;
+        return found;
+    }
+
+    /// The largest residual, displacements and velocities each by their own scale.
+    double scaled_residual(Values, const Flown&, Values residual, const Sizes& sizes) const {
+        double worst = 0.0;
+        for (int row = 0; row < int(residual.size()); ++row) {
+            const int r = row % rows();
+            const bool equation = row < (inner() + 1) * rows();
+            double unit = 1.0;
+            if (equation && (r < size() / 2 || (r == size() && !is_cut(row / rows()))))
+                unit = sizes.displacement;
+            else if (equation && r < size()) unit = sizes.velocity;
+            const double entry = std::fabs(residual[row]) / unit;
+            if (!(entry <= worst)) worst = entry;
+        }
+        return worst;
+    }
+
+    /// Scaled residual of a converged solution: each state is a sum over the modes, whose rounding adds up.
+    double residual_level() const { return CONVERGED_RESIDUAL * size(); }
+
+    /// Squares of lengths that closing equations have at least: none.
+    void least_lengths(const Sizes&, Vector<double> out) const { std::fill(out.begin(), out.end(), 0.0); }
+
+    /// Write the transpose of F'(y), each unknown times its scale, into an elimination.
+    template <class Elimination>
+    void linearise(Values, Flown& flown, Values scale, Elimination& out) const {
+        out.clear();
+        LocalSquare<double, N> landing(size());
+        Array<>& columns = flown.landed;
+        for (int i = 0; i <= inner(); ++i) {
+            std::copy_n(flown.maps[i].data(), size() * size(), &landing(0, 0));
+            std::copy_n(flown.columns[i].data(), columns.rows() * size(), columns.data());
+            landing_blocks(i, flown, landing, columns);
+            if (i < inner()) flight_columns(i, flown, landing, columns, scale, out);
+            else closing_columns(flown, landing, columns, scale, out);
+        }
+    }
+
+private:
+    static constexpr double PI = 3.14159265358979323846;
+    static double larger(double a, double b, double c) { return std::max(a, std::max(std::fabs(b), std::fabs(c))); }
+
+    /// The angle of oscillator h in a period of the orbit.
+    double turn_rate(int h) const { return 2.0 * PI * closure_.load_periods * modes_[0].harmonic(h); }
+
+    /// The equation of a node where nothing is hit: equation (45), and at the last one that of the first time.
+    template <class Y>
+    auto cut(const Y& y, int i) const {
+        using T = std::remove_cvref_t<decltype(y[0])>;
+        if (i == inner()) return T(y[time(0)]);
+        return T(y[time(i + 1)] - y[time(i)] - closure_.part / (inner() + 1));
+    }
+
+    /// How far a node's state, times a sign, is beyond its stop; or the contact force where it opens.
+    template <class T, class O>
+    T place(int i, const Setting<T>& at, Vector<const T> z, double sign, const O& turns) const {
+        if (events_.release[i] >= 0) return force(events_.release[i], at, z, turns);
+        T distance = -at.entries[events_.bound[i]];
+        for (int r = 0; r < size() / 2; ++r) distance += (sign * events_.gap(i, r)) * z[r];
+        return distance;
+    }
+
+    /// Derivatives of the node after event i, from those of the state before it.
+    template <class Landing>
+    void landing_blocks(int i, const Flown& flown, Landing& landing, Array<>& columns) const {
+        if (!hits(i)) return;
+        const Values rate = events_.rate[i], push = events_.push[i];
+        const double by = rebound(i, flown.at);
+        impact_columns(rate, push, by, landing);
+        for (int c = 0; c < columns.rows(); ++c) apply_impact(rate, push, by, Values(columns[c]), columns[c]);
+        if (!rebounds(i)) return;
+        const double speed = dot(rate, flown.before[i]);
+        for (int j = 0; j < released(); ++j) {
+            const double change = flown.slopes[j].entries[events_.restitution[i]].slopes[0] * speed;
+            for (int r = 0; r < size(); ++r) columns(2 + j, r) -= change * push[r];
+        }
+    }
+
+    template <class Landing, class Elimination>
+    void flight_columns(int i, const Flown& flown, Landing& landing, const Array<>& columns, Values scale,
+                        Elimination& out) const {
+        const int at = begin(i), next = begin(i + 1);
+        const double cycle = flown.at.cycle;
+        for (int c = 0; c < size(); ++c) {
+            double* row = out.entries(i, at + c);
+            for (int r = 0; r < size(); ++r) row[r] = landing(r, c) * scale[at + c];
+            row = out.entries(i, next + c);
+            row[c] = -scale[next + c];
+        }
+        double* by_time = out.entries(i, time(i));
+        for (int r = 0; r < size(); ++r) by_time[r] = columns(has_clock() ? 0 : 1, r) * (cycle * scale[time(i)]);
+        if (has_clock()) {
+            by_time = out.entries(i, time(i + 1));
+            for (int r = 0; r < size(); ++r) by_time[r] = columns(1, r) * (cycle * scale[time(i + 1)]);
+        }
+        for (int j = 0; j < released(); ++j) {
+            double* row = out.shared_entries(i, j);
+            for (int r = 0; r < size(); ++r) row[r] = columns(2 + j, r) * (scale[parameter(j)] * out.spread());
+        }
+        if (is_cut(i)) {
+            out.entries(i, time(i))[size()] = -scale[time(i)];
+            out.entries(i, time(i + 1))[size()] = scale[time(i + 1)];
+            return;
+        }
+        place_columns(
+            i, flown, 1.0, [&](int at, double entry) { out.entries(i, at)[size()] = entry * scale[at]; },
+            [&](int j, double entry) {
+                out.shared_entries(i, j)[size()] = entry * (scale[parameter(j)] * out.spread());
+            });
+    }
+
+    template <class Landing, class Elimination>
+    void closing_columns(const Flown& flown, Landing& landing, const Array<>& columns, Values scale,
+                         Elimination& out) const {
+        const int k = inner(), at = begin(k);
+        const double cycle = flown.at.cycle;
+        for (int c = 0; c < size(); ++c) {
+            double* row = out.closing(at + c);
+            for (int r = 0; r < size(); ++r) row[r] += landing(r, c) * scale[at + c];
+            out.closing(begin(0) + c)[c] -= closure_.sign * scale[begin(0) + c];
+        }
+        double* by_time = out.closing(time(k));
+        for (int r = 0; r < size(); ++r) by_time[r] += columns(has_clock() ? 0 : 1, r) * (cycle * scale[time(k)]);
+        if (has_clock()) {
+            by_time = out.closing(time(0));
+            for (int r = 0; r < size(); ++r) by_time[r] += columns(1, r) * (cycle * scale[time(0)]);
+        }
+        for (int j = 0; j < released(); ++j) {
+            double* row = out.shared_closing(j);
+            for (int r = 0; r < size(); ++r) row[r] += columns(2 + j, r) * (scale[parameter(j)] * out.spread());
+        }
+        if (is_cut(k)) out.closing(time(0))[size()] += scale[time(0)];
+        else
+            place_columns(
+                k, flown, closure_.sign, [&](int at, double entry) { out.closing(at)[size()] += entry * scale[at]; },
+                [&](int j, double entry) {
+                    out.shared_closing(j)[size()] += entry * (scale[parameter(j)] * out.spread());
+                });
+        for (int j = 0; j < released(); ++j)
+            parameters_.kept.evaluate<First>(flown.slopes[j].parameters, [&](int e, const First& entry) {
+                out.shared_closing(j)[rows() + e] += entry.slopes[0] * (scale[parameter(j)] * out.spread());
+            });
+    }
+
+    /// Call by_node(unknown, entry) and by_parameter(j, entry) for the derivatives of `place`.
+    template <class ByNode, class ByParameter>
+    void place_columns(int i, const Flown& flown, double sign, ByNode&& by_node, ByParameter&& by_parameter) const {
+        const int next = i < inner() ? i + 1 : 0;
+        if (const int row = events_.release[i]; row >= 0) {
+            for (int r = 0; r < size(); ++r) by_node(begin(next) + r, -events_.pull(row, r));
+            double by_clock = 0.0;
+            for (int h = 0; h < harmonics(); ++h) {
+                const double cosine = dot(events_.reach[row], flown.at.forces[2 * h]);
+                const double sine = dot(events_.reach[row], flown.at.forces[2 * h + 1]);
+                by_clock += turn_rate(h) * (sine * flown.turns(i + 1, 2 * h) - cosine * flown.turns(i + 1, 2 * h + 1));
+            }
+            if (has_clock()) by_node(time(next), by_clock);
+            for (int j = 0; j < released(); ++j) {
+                double entry = 0.0;
+                for (int q = 0; q < 2 * harmonics(); ++q)
+                    entry += dot(events_.reach[row], flown.slopes[j].forces[q]).slopes[0] * flown.turns(i + 1, q);
+                by_parameter(j, entry);
+            }
+            return;
+        }
+        for (int r = 0; r < size() / 2; ++r)
+            if (const double entry = events_.gap(i, r); entry != 0.0) by_node(begin(next) + r, sign * entry);
+        for (int j = 0; j < released(); ++j) by_parameter(j, -flown.slopes[j].entries[events_.bound[i]].slopes[0]);
+    }
+
+    std::vector<LoadedFlight<N>> modes_;
+    Parameters parameters_;
+    ForcedEvents events_;
+    ForcedClosure closure_;
+    std::vector<double> units_;
+};
+
+}  // namespace saltus
