@@ -20,7 +20,7 @@ from bvp.checks import require_system
 from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS, ContactEvent, parse_contact_sequence, require_bounces, require_half, require_pressing
 from bvp.forced_metric import forced_metric, forced_position
-from bvp.forced_modes import ModeTable
+from bvp.forced_modes import ForcedMode, ModeTable
 from bvp.kernels.extrema import Observed
 from bvp.kernels.forced import LoadedSegment, ReleasedEntries, fly_loaded, forced_step, set_parameters
 from bvp.kernels.forced_sticking import Unstuck, contact_force
@@ -305,9 +305,7 @@ class ForcedProblem:
                 self._table.arrays.delta[0] = math.nan
             return
         try:
-            system, made = self._table.modes_at(at, self._system_at)
-            if not self.is_smooth:  # no stop sticks there
-                require_pressing(system, self.events)
+            system, made = self._modes_at_values(at, released.entries)
             self._table.write(system, made, segment.gap, segment.push)
         except (ValueError, RuntimeError, np.linalg.LinAlgError):
             self._table.arrays.matrix[0] = math.nan
@@ -334,8 +332,20 @@ class ForcedProblem:
         renewal: Renewal = make_renewal(self.degrees_of_freedom, layout.mass.start, layout.stiffness.start)
         return renewal
 
-    def _system_at(self, at: tuple[float, ...]) -> Matrices:
-        """The system at values of all parameters, whose entries the kernels have evaluated; beside smooth forces only its matrices."""
+    def modes_at(self, at: tuple[float, ...], entries: np.ndarray) -> tuple[list[ForcedMode], np.ndarray]:
+        """The contact modes at values of all parameters, whose entries are known, and the masses."""
+        system, made = self._modes_at_values(at, entries)
+        return made, system.mass
+
+    def _modes_at_values(self, at: tuple[float, ...], entries: np.ndarray) -> tuple[Any, list[ForcedMode]]:
+        """The system at values of all parameters, and its contact modes."""
+        system, made = self._table.modes_at(at, lambda values: self._system_at(values, entries))
+        if not self.is_smooth:  # no stop sticks there
+            require_pressing(system, self.events)
+        return system, made
+
+    def _system_at(self, at: tuple[float, ...], entries: np.ndarray) -> Matrices:
+        """The system at values of all parameters, whose entries are known; beside smooth forces only its matrices."""
         if not self.released:
             return self.system
         values = dict(zip(self.parametric.names, at, strict=True))
@@ -344,7 +354,6 @@ class ForcedProblem:
             return self.parametric.system(values)
         # A step beyond the domain of such a parameter locates its end, if its limits are known: matrices can go on there.
         layout, n = self.parametric.layout, self.degrees_of_freedom
-        entries = self.segment.released.entries
         mass, damping, stiffness = (entries[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness))
         return Matrices(mass, damping, stiffness) if self.is_smooth else ImpactSystem(mass, damping, stiffness, self.system.stops)
 

@@ -186,7 +186,7 @@ class ModeTable:
         # Row i of the nodes is the event at the end of flight i. The last two are the first event, or its image: the same stop is closed.
         rows = [*events[1:], *events[:1], *events[:1]]
         mode = [self._index(event.closed) for event in events] or [0] * (nodes - 1)
-        self._kept = [*mode, mode[-1]]
+        self.kept = np.array([*mode, mode[-1]], dtype=np.int64)
         release, opens = np.full((2, nodes), -1, dtype=np.int64)
         summed = np.zeros(nodes, dtype=np.int64)
         for i, event in enumerate(rows):
@@ -304,7 +304,7 @@ class ModeTable:
         if self._smooth is not None and isinstance(self.flight, SmoothLoadedFlight):
             self.flight.taylor.push[:] = -arrays.drive[0, n:] @ self._smooth.directions.T
         for i, row in enumerate(gap[:, :n]):
-            kept = self.made[self._kept[i]]
+            kept = self.made[self.kept[i]]
             along = kept.inverse @ row if len(kept.rows) else np.linalg.solve(system.mass, row)
             push[i, n : 2 * n] = along / (row @ along) if row.any() else 0.0
             if arrays.chatter.summed[i]:
@@ -323,7 +323,7 @@ class ModeTable:
             self.flight.taylor.sources.push_slope[j] = -arrays.drive_slope[0, j, n:] @ self._smooth.directions.T
         for i, row in enumerate(gap[:, :n]):
             if row.any():
-                along, turned = self.made[self._kept[i]].inverse @ row, found[self._kept[i]].inverse @ row
+                along, turned = self.made[self.kept[i]].inverse @ row, found[self.kept[i]].inverse @ row
                 push_slope[i, n : 2 * n] = (turned - along * (row @ turned) / (row @ along)) / (row @ along)
                 if arrays.chatter.summed[i]:
                     state, state_slope = np.hstack([system.stiffness, system.damping]), np.hstack([slopes[2], slopes[1]])

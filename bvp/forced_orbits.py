@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import saltus_core
 
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
+    from bvp.forced_modes import ForcedMode
 
 __all__ = ["core_problem", "core_unknowns", "unknowns_of_core"]
 
@@ -19,7 +22,7 @@ def _numbers(array: Any) -> np.ndarray:
 
 
 def core_problem(problem: ForcedProblem, *, general: bool = False) -> Any:
-    """The problem in the core; None where masses, dampers or springs vary, for smooth forces and for summed chatter.
+    """The problem in the core; None for smooth forces and for summed chatter.
 
     general: take what is compiled for any number of states and parameters."""
     arguments = core_arguments(problem)
@@ -31,16 +34,11 @@ def core_arguments(problem: ForcedProblem) -> tuple[Any, ...] | None:
     table, segment, layout = problem.contact_modes, problem.segment, problem.parametric.layout
     released = segment.released
     rows = released.rows
-    if problem.is_smooth or table.sums_chatter or np.any(rows < layout.stiffness.stop):
+    if problem.is_smooth or table.sums_chatter:
         return None
+    varies = bool(np.any(rows < layout.stiffness.stop))
     arrays, loads = table.arrays, segment.flight.loads
-    size, nodes, first = 2 * problem.degrees_of_freedom, problem.inner + 1, layout.stiffness.stop
-    modes = []
-    for f, made in enumerate(table.made):
-        blocks = made.blocks
-        flight = saltus_core.LinearFlight(blocks.pairs, blocks.mean, blocks.delta, _numbers(blocks.matrix), np.ones(size))
-        shapes = map(_numbers, (made.enter, made.leave, arrays.drive[f], loads.harmonics))
-        modes.append(saltus_core.LoadedFlight(flight, *shapes))
+    size, nodes, first = 2 * problem.degrees_of_freedom, problem.inner + 1, 0 if varies else layout.stiffness.stop
     mode, opening, release = arrays.mode[:nodes], arrays.release[:nodes], np.full(nodes, -1, dtype=np.int64)
     closed = np.argwhere(arrays.closed)
     force = np.full(arrays.closed.shape, -1, dtype=np.int64)
@@ -56,13 +54,41 @@ def core_arguments(problem: ForcedProblem) -> tuple[Any, ...] | None:
     program = problem.parametric.program(problem.released, 0).program
     kept = problem.parametric.equations(problem.keep, problem.released, problem.conserved, 0)
     return (
-        modes, np.array(mode), release, stop, rebound, _numbers(segment.side[:nodes]), _numbers(segment.gap[:nodes, :size]),
+        _flights(problem, table.made, problem.system.mass), np.array(mode), release, stop, rebound, _numbers(segment.side[:nodes]), _numbers(segment.gap[:nodes, :size]),
         _numbers(segment.gap_rate[:nodes, :size]), _numbers(segment.push[:nodes, :size]), _numbers(pull).reshape(-1, size),
-        _numbers(reach).reshape(-1, size // 2), (*segment.closing.tolist(), loads.load_periods), _numbers(released.values),
+        _numbers(reach).reshape(-1, size // 2), _numbers(table.stops[closed[:, 1]]).reshape(-1, size // 2),
+        np.concatenate([made.weight for made in table.made]), np.ascontiguousarray(closed[:, 0]), table.kept[:nodes], (*segment.closing.tolist(), loads.load_periods), _numbers(released.values),
         np.array(released.columns), _numbers(problem.parametric.entries(problem.values)[first:]), rows - first,
         np.array(places), tuple(map(np.ascontiguousarray, program)), tuple(map(np.ascontiguousarray, kept)), _numbers(segment.scale),
-        watched,
+        watched, _modes_at(problem) if varies else None,
     )  # fmt: skip
+
+
+def _flights(problem: ForcedProblem, made: Sequence[ForcedMode], mass: np.ndarray) -> list[Any]:
+    """The flights of contact modes in the core."""
+    loads, n = problem.segment.flight.loads, problem.degrees_of_freedom
+    flights, inverse = [], np.linalg.inv(mass)
+    for mode in made:
+        blocks = mode.blocks
+        free = saltus_core.LinearFlight(blocks.pairs, blocks.mean, blocks.delta, _numbers(blocks.matrix), np.ones(2 * n))
+        shapes = map(_numbers, (mode.enter, mode.leave, mode.enter[:, n:] @ inverse, loads.harmonics))
+        flights.append(saltus_core.LoadedFlight(free, *shapes))
+    return flights
+
+
+def _modes_at(problem: ForcedProblem) -> Callable[[np.ndarray, np.ndarray], list[Any]]:
+    """The function that gives the core the contact modes at values of all parameters, where the entries of the system are known; none where
+    the system cannot have them."""
+    known = weakref.ref(problem)  # which can have the problem of the core
+
+    def modes_at(parameters: np.ndarray, entries: np.ndarray) -> list[Any]:
+        found = known()
+        try:
+            return [] if found is None else _flights(found, *found.modes_at(tuple(parameters.tolist()), entries))
+        except (ValueError, RuntimeError, np.linalg.LinAlgError):
+            return []
+
+    return modes_at
 
 
 def core_unknowns(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:

@@ -32,6 +32,20 @@ public:
     std::unique_ptr<AnyForcedProblem> problem;
 };
 
+/// The contact modes of a problem that a function of Python finds, checked.
+auto modes_of(nb::object function, int count, const Flight& like) {
+    return [function = std::move(function), count, size = like.size(), harmonics = like.harmonics()](Values parameters, Values entries) {
+        const nb::gil_scoped_acquire held;
+        auto found = nb::cast<std::vector<Flight>>(function(numpy_of(parameters), numpy_of(entries)));
+        if (!found.empty()) require_size("contact modes", found.size(), count);
+        for (const Flight& flight : found) {
+            require_size("a flight's states", flight.size(), size);
+            require_size("harmonics", flight.harmonics(), harmonics);
+        }
+        return found;
+    };
+}
+
 void require_indices(const char* name, const std::vector<int>& values, int least, int end) {
     for (int index : values)
         if (index < least || index >= end) throw nb::value_error((std::string("there is no such ") + name).c_str());
@@ -91,10 +105,10 @@ void bind_forced(nb::module_& m) {
             "__init__",
             [](BoundForced* self, std::vector<Flight> modes, InIndices mode, InIndices release, InIndices bound,
                InIndices restitution, InVector side, InMatrix gap, InMatrix rate, InMatrix push, InMatrix pull,
-               InMatrix reach, std::tuple<double, double, double> closure, InVector values, InIndices released,
+               InMatrix reach, InMatrix closed, InVector unit, InIndices force_mode, InIndices kept_mode, std::tuple<double, double, double> closure, InVector values, InIndices released,
                InVector entries, InIndices rows, InIndices places, std::tuple<InPairs, InVector, InIndices> program,
                std::tuple<InPairs, InVector, InIndices> kept, InVector units,
-               std::tuple<InMatrix, InIndices, InIndices, InIndices, InPairs, InIndices> watched, bool general) {
+               std::tuple<InMatrix, InIndices, InIndices, InIndices, InPairs, InIndices> watched, nb::object modes_at, bool general) {
                 if (modes.empty()) throw nb::value_error("a forced problem has a flight");
                 const int size = modes[0].size(), count = int(mode.shape(0)), n = size / 2, all = int(entries.shape(0));
                 for (const Flight& flight : modes) {
@@ -112,7 +126,15 @@ void bind_forced(nb::module_& m) {
                 require_size("a force's loads", reach.shape(1), n);
                 require_size("forces", reach.shape(0), pull.shape(0));
                 ForcedEvents events{indices(mode), indices(release), indices(bound), indices(restitution), own(side),
-                                    own(gap), own(rate), own(push), own(pull), own(reach)};
+                                    own(gap), own(rate), own(push), own(pull), own(reach), own(closed), own(unit),
+                                    indices(force_mode), indices(kept_mode)};
+                for (size_t rows : {closed.shape(0), unit.shape(0), force_mode.shape(0)}) require_size("forces", rows, pull.shape(0));
+                require_size("a gap", closed.shape(1), n);
+                require_size("nodes", kept_mode.shape(0), count);
+                require_indices("flight", events.force_mode, 0, int(modes.size()));
+                require_indices("flight", events.kept, 0, int(modes.size()));
+                if (!std::is_sorted(events.force_mode.begin(), events.force_mode.end()))
+                    throw nb::value_error("the forces of a contact mode follow each other");
                 require_indices("flight", events.mode, 0, int(modes.size()));
                 require_indices("contact force", events.release, -1, int(pull.shape(0)));
                 require_indices("bound", events.bound, -1, all);
@@ -130,7 +152,11 @@ void bind_forced(nb::module_& m) {
                     return formulas(names, std::get<0>(parts), std::get<1>(parts), std::get<2>(parts));
                 };
                 Parameters parameters{make(program), indices(rows), own(values), indices(released), own(entries),
-                                      int(at[0]), int(at[1]), int(at[2]), int(at[3]), make(kept)};
+                                      int(at[0]), int(at[1]), int(at[2]), int(at[3]), make(kept), {}};
+                if (!modes_at.is_none()) {
+                    require_size("matrices", std::min(3 * n * n, all), 3 * n * n);
+                    parameters.modes = modes_of(std::move(modes_at), int(modes.size()), modes[0]);
+                }
                 require_size("rows of the program", parameters.rows.size(), parameters.program.outputs.size());
                 require_indices("entry", parameters.rows, 0, all);
                 require_indices("parameter", parameters.released, 0, names);
@@ -160,9 +186,11 @@ void bind_forced(nb::module_& m) {
             },
             nb::arg("modes"), nb::arg("mode"), nb::arg("release"), nb::arg("bound"), nb::arg("restitution"),
             nb::arg("side"), nb::arg("gap"), nb::arg("rate"), nb::arg("push"), nb::arg("pull"), nb::arg("reach"),
-            nb::arg("closure"), nb::arg("values"), nb::arg("released"), nb::arg("entries"), nb::arg("rows"),
-            nb::arg("places"), nb::arg("program"), nb::arg("kept"), nb::arg("units"), nb::arg("watched"), nb::arg("general") = false,
-            "general: take what is compiled for any number of states and parameters.")
+            nb::arg("closed"), nb::arg("unit"), nb::arg("force_mode"), nb::arg("kept_mode"), nb::arg("closure"), nb::arg("values"), nb::arg("released"), nb::arg("entries"), nb::arg("rows"),
+            nb::arg("places"), nb::arg("program"), nb::arg("kept"), nb::arg("units"), nb::arg("watched"), nb::arg("modes_at") = nb::none(),
+            nb::arg("general") = false,
+            "modes_at: where masses, dampers or springs vary, a function of all parameters and entries that gives the flights of the "
+            "contact modes; none where the system cannot have them. general: take what is compiled for any number of states and parameters.")
         .def(
             "multipliers",
             [](BoundForced& self, InVector y) {

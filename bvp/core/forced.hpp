@@ -11,7 +11,11 @@
 /// that of the others. Without harmonic loads there is no clock: the flight times t_i are unknowns in place of c_i.
 #pragma once
 
+#include <functional>
+#include <memory>
+
 #include "contact.hpp"
+#include "contact_mode.hpp"
 #include "elimination.hpp"
 #include "loaded_flight.hpp"
 #include "problem.hpp"
@@ -19,7 +23,8 @@
 
 namespace saltus {
 
-/// What of a system depends on parameters: entries of the vector that `bvp.entries` describes, from the bounds on.
+/// What of a system depends on parameters: entries of the vector that `bvp.entries` describes, from the bounds on; where
+/// masses, dampers or springs vary, all of them.
 struct Parameters {
     Formulas program;              // the entries of `rows`
     std::vector<int> rows;
@@ -28,6 +33,9 @@ struct Parameters {
     std::vector<double> entries;   // at these values
     int constant, cosine, sine, frequency;  // where the loads begin
     Formulas kept;                 // left less right sides of the user's equations
+    /// Where masses, dampers or springs vary: the contact modes at values of all parameters, and all entries there. None
+    /// where the system cannot have them.
+    std::function<std::vector<LoadedFlight<>>(Values parameters, Values entries)> modes;
 };
 
 /// The events of an orbit, in order of time from the second one on: node i is that at the end of flight i.
@@ -38,7 +46,11 @@ struct ForcedEvents {
     std::vector<double> side;      // (k + 1,) +1 upper, -1 lower, 0 no impact
     Array<> gap, rate, push;       // (k + 1, N)
     /// Contact forces of unit states and of unit loads, equation (43), one in each row.
-    Array<> pull, reach;           // (.., N), (.., n)
+    Array<> pull, reach;           // (F, N), (F, n)
+    Array<> closed;                // (F, n) the gaps of these stops
+    std::vector<double> unit;      // (F,) of the forces, with the side of the stop as its sign
+    std::vector<int> force_mode;   // (F,) the contact mode in which each acts, in ascending order
+    std::vector<int> kept;         // (k + 1,) the contact mode in which the impulse of a node acts
     int nodes() const { return int(mode.size()); }
 };
 
@@ -47,15 +59,6 @@ struct ForcedClosure {
     double sign;          // what the state is multiplied by over the segment: -1 of half a period
     double part;          // of the period that it lasts; 0: there is no clock
     double load_periods;  // periods of the base frequency in one of the orbit
-};
-
-/// What is known of a system at values of the released parameters.
-template <class T>
-struct Setting {
-    std::vector<T> parameters, entries;
-    T cycle;                       // T
-    Array<T> forces;               // (2 H, n) by cos and by sin
-    std::vector<Drive<T>> drives;  // of each contact mode
 };
 
 /// Orbits of N states in P released parameters; both may be DYNAMIC.
@@ -69,18 +72,32 @@ public:
     template <class T = double>
     using State = Local<T, N>;
 
+    using Flights = std::shared_ptr<const std::vector<LoadedFlight<N>>>;
+
+    /// What is known of a system at values of the released parameters.
+    template <class T>
+    struct Setting {
+        std::vector<T> parameters, entries;
+        T cycle;                        // T
+        Array<T> forces;                // (2 H, n) by cos and by sin
+        std::vector<Drive<T>> drives;   // of each contact mode
+        Flights flights;                // of each contact mode
+        std::vector<ContactMode<T>> modes;  // where masses, dampers or springs vary; then also
+        Array<T> push, pull, reach;     // (k + 1, N), (F, N), (F, n)
+    };
+
     /// The time of a node comes first: then reflections of the elimination are short.
     ///
     /// units (N + 1 + P,): a unit of arclength for each entry of a state, for the time, and for each parameter; 0: a
     /// unit of its logarithm.
     ForcedProblem(std::vector<LoadedFlight<N>> modes, Parameters parameters, ForcedEvents events, ForcedClosure closure,
                   std::vector<double> units)
-        : modes_(std::move(modes)), parameters_(std::move(parameters)), events_(std::move(events)), closure_(closure),
+        : modes_(std::make_shared<const std::vector<LoadedFlight<N>>>(std::move(modes))), parameters_(std::move(parameters)), events_(std::move(events)), closure_(closure),
           units_(std::move(units)) {}
 
     constexpr int size() const {
         if constexpr (N != DYNAMIC) return N;
-        return modes_[0].size();
+        return (*modes_)[0].size();
     }
     constexpr int released() const {
         if constexpr (P != DYNAMIC) return P;
@@ -91,13 +108,24 @@ public:
     int kept() const { return int(parameters_.kept.outputs.size()); }
     int closers() const { return rows() + kept(); }
     int unknowns() const { return (inner() + 1) * rows() + released(); }
-    int harmonics() const { return modes_[0].harmonics(); }
+    int harmonics() const { return (*modes_)[0].harmonics(); }
     bool has_clock() const { return closure_.part > 0.0; }
     const ForcedClosure& closure() const { return closure_; }
     const ForcedEvents& events() const { return events_; }
-    const LoadedFlight<N>& flight(int i) const { return modes_[events_.mode[i]]; }
-    const LoadedFlight<N>& mode(int f) const { return modes_[f]; }
-    int modes() const { return int(modes_.size()); }
+    /// Whether masses, dampers or springs vary.
+    bool varies() const { return bool(parameters_.modes); }
+    template <class T>
+    const LoadedFlight<N>& flight(int i, const Setting<T>& at) const {
+        return (*at.flights)[events_.mode[i]];
+    }
+    template <class T>
+    const LoadedFlight<N>& mode(int f, const Setting<T>& at) const {
+        return (*at.flights)[f];
+    }
+    int modes() const { return int(modes_->size()); }
+    Values push(int i, const Setting<double>& at) const { return varies() ? at.push[i] : events_.push[i]; }
+    Values pull(int row, const Setting<double>& at) const { return varies() ? at.pull[row] : events_.pull[row]; }
+    Values reach(int row, const Setting<double>& at) const { return varies() ? at.reach[row] : events_.reach[row]; }
     Values units() const { return units_; }
     /// Coordinates of arclength.
     int coordinates() const { return rows() + released() + 1; }
@@ -113,9 +141,9 @@ public:
 
     BlockElimination<ROWS> elimination() const { return {inner(), rows(), rows(), closers(), true, released()}; }
 
-    /// Fill what is known at values p (P,) of the released parameters.
+    /// Fill what is known at values p (P,) of the released parameters. known: the flights there.
     template <class T>
-    void set(Vector<const T> p, Setting<T>& out) const {
+    void set(Vector<const T> p, Setting<T>& out, const Flights& known = nullptr) const {
         const auto& entries = parameters_.entries;
         out.parameters.assign(parameters_.values.begin(), parameters_.values.end());
         for (int j = 0; j < released(); ++j) out.parameters[parameters_.released[j]] = p[j];
@@ -126,8 +154,8 @@ public:
         if (has_clock()) out.cycle = 2.0 * PI * closure_.load_periods / base;
         else out.cycle = T(1.0);
         const int n = size() / 2;
-        if (out.drives.empty()) out.forces = Array<T>(2 * harmonics(), n), out.drives.resize(modes_.size());
-        const bool constant = harmonics() > 0 && modes_[0].harmonic(0) == 0.0;
+        if (out.drives.empty()) out.forces = Array<T>(2 * harmonics(), n), out.drives.resize(modes_->size());
+        const bool constant = harmonics() > 0 && (*modes_)[0].harmonic(0) == 0.0;
         for (int h = 0; h < harmonics(); ++h)
             for (int part = 0; part < 2; ++part) {
                 const bool steady = constant && h == 0;
@@ -135,7 +163,18 @@ public:
                                          : (part == 0 ? parameters_.cosine : parameters_.sine) + (h - constant) * n;
                 for (int c = 0; c < n; ++c) out.forces(2 * h + part, c) = steady && part == 1 ? T(0.0) : out.entries[first + c];
             }
-        for (size_t f = 0; f < modes_.size(); ++f) modes_[f].set(base, Matrix<const T>(out.forces), out.drives[f]);
+        out.flights = !varies() ? modes_ : known ? known : flights_at(out);
+        if (varies()) vary(out);
+        for (int f = 0; f < modes(); ++f) {
+            const auto& flight = (*out.flights)[f];
+            const Matrix<const T> forces(out.forces);
+            if (varies() && DEPTH<T> > 0) {
+                const auto& mode = out.modes[f];
+                flight.set(base, forces, Matrix<const T>(mode.drive), Matrix<const T>(mode.change), out.drives[f]);
+            } else {
+                flight.set(base, forces, out.drives[f]);
+            }
+        }
     }
 
     /// The oscillators (2 H,) at a time c of the clock.
@@ -143,7 +182,7 @@ public:
     void oscillators(const T& c, Out&& out) const {
         for (int h = 0; h < harmonics(); ++h) {
             T sine(0.0), cosine(1.0);
-            if (modes_[0].harmonic(h) != 0.0) sincos(turn_rate(h) * c, sine, cosine);
+            if ((*modes_)[0].harmonic(h) != 0.0) sincos(turn_rate(h) * c, sine, cosine);
             out[2 * h] = cosine, out[2 * h + 1] = sine;
         }
     }
@@ -188,7 +227,7 @@ public:
         Array<T> before(inner() + 1, size()), turns(inner() + 2, 2 * harmonics());
         for (int i = 0; i <= inner() + 1; ++i) oscillators(clock(y, i), turns[i]);
         for (int i = 0; i <= inner(); ++i)
-            flight(i).end(at.drives[events_.mode[i]], Vector<const T>(&y[begin(i)], size()), duration(y, i, at.cycle), turns[i],
+            flight(i, at).end(at.drives[events_.mode[i]], Vector<const T>(&y[begin(i)], size()), duration(y, i, at.cycle), turns[i],
                           turns[i + 1], before[i]);
         equations(y, at, before, turns, out);
     }
@@ -214,7 +253,8 @@ public:
     void land(int i, const Setting<T>& at, const Z& before, Out* out) const {
         const Vector<Out> to(out, size());
         if (!hits(i)) return copy(before, to);
-        apply_impact(events_.rate[i], events_.push[i], rebound(i, at), before, to);
+        if (varies()) apply_impact(events_.rate[i], at.push[i], rebound(i, at), before, to);
+        else apply_impact(events_.rate[i], events_.push[i], rebound(i, at), before, to);
     }
 
     /// 1 + restitution of the impact at node i.
@@ -227,10 +267,13 @@ public:
     /// The contact force of a row at a state, equation (43).
     template <class T, class Z, class O>
     T force(int row, const Setting<T>& at, const Z& z, const O& turns) const {
-        T total(0.0);
-        for (int r = 0; r < size(); ++r) total -= events_.pull(row, r) * z[r];
-        for (int q = 0; q < 2 * harmonics(); ++q) total += dot(events_.reach[row], at.forces[q]) * turns[q];
-        return total;
+        const auto sum = [&](const auto& pull, const auto& reach) {
+            T total(0.0);
+            for (int r = 0; r < size(); ++r) total -= pull[r] * z[r];
+            for (int q = 0; q < 2 * harmonics(); ++q) total += dot(reach, at.forces[q]) * turns[q];
+            return total;
+        };
+        return varies() ? sum(at.pull[row], at.reach[row]) : sum(events_.pull[row], events_.reach[row]);
     }
 
     /// Flights of an orbit, and what belongs to them.
@@ -256,7 +299,7 @@ public:
         for (int j = 0; j < released(); ++j) {
             for (int q = 0; q < released(); ++q) moved[q] = First(p[q]);
             moved[j].slopes[0] = 1.0;
-            set(Vector<const First>(moved), flown.slopes[j]);
+            set(Vector<const First>(moved), flown.slopes[j], flown.at.flights);
         }
         for (int i = 0; i <= inner() + 1; ++i) oscillators(clock(y, i), flown.turns[i]);
         for (int i = 0; i <= inner(); ++i) {
@@ -264,7 +307,7 @@ public:
             const int mode = events_.mode[i];
             const double lasting = clock(y, i + 1) - clock(y, i);
             for (const auto& slope : flown.slopes) flown.along.push_back({&slope.drives[mode], lasting * slope.cycle.slopes[0]});
-            flight(i).end(flown.at.drives[mode], flown.along, y.subspan(begin(i), size()), duration(y, i, flown.at.cycle),
+            flight(i, flown.at).end(flown.at.drives[mode], flown.along, y.subspan(begin(i), size()), duration(y, i, flown.at.cycle),
                           flown.turns[i], flown.turns[i + 1], flown.before[i],
                           Matrix<double>(flown.maps[i].data(), size(), size()),
                           Matrix<double>(flown.columns[i].data(), 2 + released(), size()));
@@ -334,7 +377,7 @@ public:
 
     /// Write the transpose of F'(y), each unknown times its scale, into an elimination.
     template <class Elimination>
-    void linearise(Values, Flown& flown, Values scale, Elimination& out) const {
+    void linearise(Values y, Flown& flown, Values scale, Elimination& out) const {
         out.clear();
         LocalSquare<double, N> landing(size());
         Array<>& columns = flown.landed;
@@ -342,8 +385,8 @@ public:
             std::copy_n(flown.maps[i].data(), size() * size(), &landing(0, 0));
             std::copy_n(flown.columns[i].data(), columns.rows() * size(), columns.data());
             landing_blocks(i, flown, landing, columns);
-            if (i < inner()) flight_columns(i, flown, landing, columns, scale, out);
-            else closing_columns(flown, landing, columns, scale, out);
+            if (i < inner()) flight_columns(i, y, flown, landing, columns, scale, out);
+            else closing_columns(y, flown, landing, columns, scale, out);
         }
     }
 
@@ -352,7 +395,7 @@ private:
     static double larger(double a, double b, double c) { return std::max(a, std::max(std::fabs(b), std::fabs(c))); }
 
     /// The angle of oscillator h in a period of the orbit.
-    double turn_rate(int h) const { return 2.0 * PI * closure_.load_periods * modes_[0].harmonic(h); }
+    double turn_rate(int h) const { return 2.0 * PI * closure_.load_periods * (*modes_)[0].harmonic(h); }
 
     /// The equation of a node where nothing is hit: equation (45), and at the last one that of the first time.
     template <class Y>
@@ -375,20 +418,20 @@ private:
     template <class Landing>
     void landing_blocks(int i, const Flown& flown, Landing& landing, Array<>& columns) const {
         if (!hits(i)) return;
-        const Values rate = events_.rate[i], push = events_.push[i];
-        const double by = rebound(i, flown.at);
+        const Values rate = events_.rate[i], push = this->push(i, flown.at);
+        const double by = rebound(i, flown.at), speed = dot(rate, flown.before[i]);
         impact_columns(rate, push, by, landing);
         for (int c = 0; c < columns.rows(); ++c) apply_impact(rate, push, by, Values(columns[c]), columns[c]);
-        if (!rebounds(i)) return;
-        const double speed = dot(rate, flown.before[i]);
         for (int j = 0; j < released(); ++j) {
-            const double change = flown.slopes[j].entries[events_.restitution[i]].slopes[0] * speed;
+            const auto& slope = flown.slopes[j];
+            const double change = rebounds(i) ? slope.entries[events_.restitution[i]].slopes[0] * speed : 0.0;
             for (int r = 0; r < size(); ++r) columns(2 + j, r) -= change * push[r];
+            for (int r = 0; varies() && r < size(); ++r) columns(2 + j, r) -= by * speed * slope.push(i, r).slopes[0];
         }
     }
 
     template <class Landing, class Elimination>
-    void flight_columns(int i, const Flown& flown, Landing& landing, const Array<>& columns, Values scale,
+    void flight_columns(int i, Values y, const Flown& flown, Landing& landing, const Array<>& columns, Values scale,
                         Elimination& out) const {
         const int at = begin(i), next = begin(i + 1);
         const double cycle = flown.at.cycle;
@@ -414,14 +457,14 @@ private:
             return;
         }
         place_columns(
-            i, flown, 1.0, [&](int at, double entry) { out.entries(i, at)[size()] = entry * scale[at]; },
+            i, y, flown, 1.0, [&](int at, double entry) { out.entries(i, at)[size()] = entry * scale[at]; },
             [&](int j, double entry) {
                 out.shared_entries(i, j)[size()] = entry * (scale[parameter(j)] * out.spread());
             });
     }
 
     template <class Landing, class Elimination>
-    void closing_columns(const Flown& flown, Landing& landing, const Array<>& columns, Values scale,
+    void closing_columns(Values y, const Flown& flown, Landing& landing, const Array<>& columns, Values scale,
                          Elimination& out) const {
         const int k = inner(), at = begin(k);
         const double cycle = flown.at.cycle;
@@ -443,7 +486,7 @@ private:
         if (is_cut(k)) out.closing(time(0))[size()] += scale[time(0)];
         else
             place_columns(
-                k, flown, closure_.sign, [&](int at, double entry) { out.closing(at)[size()] += entry * scale[at]; },
+                k, y, flown, closure_.sign, [&](int at, double entry) { out.closing(at)[size()] += entry * scale[at]; },
                 [&](int j, double entry) {
                     out.shared_closing(j)[size()] += entry * (scale[parameter(j)] * out.spread());
                 });
@@ -455,23 +498,20 @@ private:
 
     /// Call by_node(unknown, entry) and by_parameter(j, entry) for the derivatives of `place`.
     template <class ByNode, class ByParameter>
-    void place_columns(int i, const Flown& flown, double sign, ByNode&& by_node, ByParameter&& by_parameter) const {
+    void place_columns(int i, Values y, const Flown& flown, double sign, ByNode&& by_node, ByParameter&& by_parameter) const {
         const int next = i < inner() ? i + 1 : 0;
         if (const int row = events_.release[i]; row >= 0) {
-            for (int r = 0; r < size(); ++r) by_node(begin(next) + r, -events_.pull(row, r));
+            for (int r = 0; r < size(); ++r) by_node(begin(next) + r, -pull(row, flown.at)[r]);
             double by_clock = 0.0;
             for (int h = 0; h < harmonics(); ++h) {
-                const double cosine = dot(events_.reach[row], flown.at.forces[2 * h]);
-                const double sine = dot(events_.reach[row], flown.at.forces[2 * h + 1]);
+                const double cosine = dot(reach(row, flown.at), flown.at.forces[2 * h]);
+                const double sine = dot(reach(row, flown.at), flown.at.forces[2 * h + 1]);
                 by_clock += turn_rate(h) * (sine * flown.turns(i + 1, 2 * h) - cosine * flown.turns(i + 1, 2 * h + 1));
             }
             if (has_clock()) by_node(time(next), by_clock);
-            for (int j = 0; j < released(); ++j) {
-                double entry = 0.0;
-                for (int q = 0; q < 2 * harmonics(); ++q)
-                    entry += dot(events_.reach[row], flown.slopes[j].forces[q]).slopes[0] * flown.turns(i + 1, q);
-                by_parameter(j, entry);
-            }
+            const Values z = y.subspan(begin(next), size());
+            for (int j = 0; j < released(); ++j)
+                by_parameter(j, force(row, flown.slopes[j], z, flown.turns[i + 1]).slopes[0]);
             return;
         }
         for (int r = 0; r < size() / 2; ++r)
@@ -479,7 +519,49 @@ private:
         for (int j = 0; j < released(); ++j) by_parameter(j, -flown.slopes[j].entries[events_.bound[i]].slopes[0]);
     }
 
-    std::vector<LoadedFlight<N>> modes_;
+    /// The contact modes at what is known.
+    template <class T>
+    Flights flights_at(const Setting<T>& at) const {
+        std::vector<double> parameters(at.parameters.size()), entries(at.entries.size());
+        for (size_t k = 0; k < parameters.size(); ++k) parameters[k] = value(at.parameters[k]);
+        for (size_t k = 0; k < entries.size(); ++k) entries[k] = value(at.entries[k]);
+        auto found = parameters_.modes(parameters, entries);
+        std::vector<LoadedFlight<N>> out;
+        for (int f = 0; f < modes(); ++f) {
+            if (found.empty()) out.push_back((*modes_)[f].unknown());
+            else out.emplace_back(std::move(found[f]));
+        }
+        return std::make_shared<const std::vector<LoadedFlight<N>>>(std::move(out));
+    }
+
+    /// What impacts, contact forces and flights take from masses, dampers and springs.
+    template <class T>
+    void vary(Setting<T>& out) const {
+        const int n = size() / 2, forces = events_.pull.rows();
+        out.modes.resize(modes());
+        out.push = Array<T>(events_.nodes(), size()), out.pull = Array<T>(forces, size()), out.reach = Array<T>(forces, n);
+        for (int f = 0, row = 0; f < modes(); ++f) {
+            int count = 0;
+            while (row + count < forces && events_.force_mode[row + count] == f) ++count;
+            const Matrix<const double> gaps = Matrix<const double>(events_.closed).rows(row, count);
+            const Values units = Values(events_.unit).subspan(row, count);
+            out.modes[f].set((*out.flights)[f], Vector<const T>(out.entries), gaps, units);
+            for (int k = 0; k < count; ++k, ++row)
+                copy(out.modes[f].pull[k], out.pull[row]), copy(out.modes[f].reach[k], out.reach[row]);
+        }
+        for (int i = 0; i < events_.nodes(); ++i) {
+            if (!hits(i)) continue;
+            const Array<T>& inverse = out.modes[events_.kept[i]].inverse;
+            T along(0.0);
+            for (int r = 0; r < n; ++r) {
+                out.push(i, n + r) = dot(events_.gap[i].first(n), inverse[r]);
+                along += events_.gap(i, r) * out.push(i, n + r);
+            }
+            for (int r = 0; r < n; ++r) out.push(i, n + r) = out.push(i, n + r) / along;
+        }
+    }
+
+    Flights modes_;
     Parameters parameters_;
     ForcedEvents events_;
     ForcedClosure closure_;

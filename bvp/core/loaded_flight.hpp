@@ -6,7 +6,10 @@
 /// Near resonance X is large, and its two terms cancel. There the block and the oscillator fly as one block.
 #pragma once
 
+#include <algorithm>
+
 #include "complex.hpp"
+#include "dense.hpp"
 #include "linear_flight.hpp"
 
 namespace saltus {
@@ -17,12 +20,31 @@ inline constexpr double NEAR_RESONANCE = 30.0;
 /// Angle that a pair turns by in a flight that counts as short.
 inline constexpr double SHORT = 0.5;
 
+/// How many products of small parts of a number can be other than zero.
+template <class T>
+inline constexpr int DEPTH = 0;
+template <class T, int N>
+inline constexpr int DEPTH<Jet<T, N>> = DEPTH<T> + 1;
+
+template <class T>
+bool is_zero(const T& x) {
+    if constexpr (DEPTH<T> == 0) {
+        return x == 0.0;
+    } else {
+        for (const auto& slope : x.slopes)
+            if (!is_zero(slope)) return false;
+        return is_zero(x.value);
+    }
+}
+
 /// The loads in the coordinates of one flight, at values of the parameters they depend on. H harmonics.
 template <class T>
 struct Drive {
     T base;           // w
     Array<T> modal;   // (2 H, N) G: rates by cos and by sin of each harmonic
     Array<T> steady;  // (2 H, N) X by cos and by sin; 0 where a load has joined the block
+    Array<T> change;  // (N, N) S: derivatives alone of the rates B, where masses, dampers or springs vary; else empty
+    Array<T> felt;    // (2 H, N) G + S X there: what the coordinates feel beside S q
     struct Join {
         int block, harmonic;
     };
@@ -58,20 +80,36 @@ public:
     /// Write the loads for the base frequency w and forces (2 H, n), by cos and by sin of each harmonic.
     template <class T>
     void set(const T& base, Matrix<const T> forces, Drive<T>& out) const {
-        const int n = push_.columns();
-        out.base = base;
-        if (out.modal.rows() != 2 * harmonics() || out.modal.columns() != size())
-            out.modal = out.steady = Array<T>(2 * harmonics(), size());
-        out.joined.clear();
-        for (int row = 0; row < 2 * harmonics(); ++row)
-            for (int r = 0; r < size(); ++r) {
-                T total(0.0);
-                for (int c = 0; c < n; ++c)
-                    if (push_(r, c) != 0.0) total += push_(r, c) * forces(row, c);
-                out.modal(row, r) = total;
-            }
-        for (int k = 0; k < int(free_.blocks().size()); ++k)
-            for (int h = 0; h < harmonics(); ++h) set_steady(k, h, out);
+        set_modal(base, forces, Matrix<const double>(push_), out);
+        set_steady(out.modal, out);
+    }
+
+    /// The same where rates (N, n) by unit forces vary, and those of the coordinates by derivatives S (N, N).
+    ///
+    /// X fulfils (B + S) X + G = X nu: each step of this iteration adds one order of the derivatives.
+    template <class T>
+    void set(const T& base, Matrix<const T> forces, Matrix<const T> push, Matrix<const T> change, Drive<T>& out) const {
+        set_modal(base, forces, push, out);
+        set_steady(out.modal, out);
+        out.change = Array<T>(size(), size());
+        std::copy_n(change.data(), size() * size(), out.change.data());
+        out.felt = out.modal;
+        for (int order = 0; order < DEPTH<T>; ++order) {
+            for (int row = 0; row < 2 * harmonics(); ++row)
+                for (int r = 0; r < size(); ++r) {
+                    T total = out.modal(row, r);
+                    for (int c = 0; c < size(); ++c) total += change(r, c) * out.steady(row, c);
+                    out.felt(row, r) = total;
+                }
+            set_steady(out.felt, out);
+        }
+    }
+
+    /// Flights that have no end, in place of those of a system that cannot be.
+    LoadedFlight unknown() const {
+        LoadedFlight out(*this);
+        std::fill_n(out.enter_.data(), size() * size(), NOT_A_NUMBER);
+        return out;
     }
 
     /// out = the state a time t after the state z. begin, finish (2 H,): the oscillators then.
@@ -80,9 +118,13 @@ public:
         Local<T, N> q(size());
         multiply(enter_, z, q);
         add_steady(drive, -1.0, begin, q);
-        free_.end(q, t, q);
+        if (drive.change.rows() > 0) {
+            fly_changed(drive, t, begin, q);
+        } else {
+            free_.end(q, t, q);
+            for (const auto& join : drive.joined) add_joined(drive, join, t, begin, q);
+        }
         add_steady(drive, 1.0, finish, q);
-        for (const auto& join : drive.joined) add_joined(drive, join, t, begin, q);
         multiply(leave_, Vector<const T>(q), out);
     }
 
@@ -121,7 +163,7 @@ public:
         add_steady(drive, -1.0, begin, q);
         free_.carry(flow, q, moved);
         for (int j = 0; j < int(slopes.size()); ++j)
-            parameter_column(drive, slopes[j], flow, moved, t, begin, finish, columns[2 + j]);
+            parameter_column(slopes[j], flow, q, moved, t, begin, finish, columns[2 + j]);
         add_steady(drive, 1.0, finish, moved);
         for (const auto& join : drive.joined) add_joined(drive, join, t, begin, moved);
         modal_rate(drive, moved, finish, part);
@@ -150,10 +192,10 @@ private:
             for (int r = 0; r < size(); ++r) q[r] += drive.steady(row, r) * (sign * o[row]);
     }
 
-    /// moved (N,): exp(B t) (q - X o).
+    /// start (N,): q - X o; moved (N,): exp(B t) start.
     template <class Flow, class Q>
-    void parameter_column(const Drive<double>& drive, const Slope& slope, Flow& flow, const Q& moved, double t,
-                          Values begin, Values finish, Vector<double> out) const {
+    void parameter_column(const Slope& slope, Flow& flow, const Q& start, const Q& moved, double t, Values begin,
+                          Values finish, Vector<double> out) const {
         Local<double, N> change(size()), part(size());
         const Drive<First>& by = *slope.drive;
         for (int r = 0; r < size(); ++r) change[r] = 0.0;
@@ -164,12 +206,15 @@ private:
         for (int r = 0; r < size(); ++r) part[r] += change[r] * slope.duration;
         for (int row = 0; row < 2 * harmonics(); ++row)
             for (int r = 0; r < size(); ++r) part[r] += by.steady(row, r).slopes[0] * finish[row];
-        if (!drive.joined.empty()) {
+        if (by.change.rows() > 0) add_change(by.change, flow, start, moved, t, part);
+        if (!by.joined.empty()) {
             Local<First, N> all(size());
             for (int r = 0; r < size(); ++r) all[r] = First(0.0);
             First time(t);
             time.slopes[0] = slope.duration;
-            for (const auto& join : by.joined) add_joined(by, join, time, begin, all);
+            if (by.change.rows() > 0) fly_changed(by, time, begin, all);
+            else
+                for (const auto& join : by.joined) add_joined(by, join, time, begin, all);
             for (int r = 0; r < size(); ++r) part[r] += all[r].slopes[0];
         }
         multiply(leave_, Values(part), out);
@@ -202,15 +247,38 @@ private:
         }
     }
 
+    /// The base frequency, and G for rates (N, n) by unit forces.
+    template <class T, class P>
+    void set_modal(const T& base, Matrix<const T> forces, Matrix<const P> push, Drive<T>& out) const {
+        out.base = base;
+        if (out.modal.rows() != 2 * harmonics() || out.modal.columns() != size())
+            out.modal = out.steady = Array<T>(2 * harmonics(), size());
+        for (int row = 0; row < 2 * harmonics(); ++row)
+            for (int r = 0; r < size(); ++r) {
+                T total(0.0);
+                for (int c = 0; c < push.columns(); ++c)
+                    if (!is_zero(push(r, c))) total += push(r, c) * forces(row, c);
+                out.modal(row, r) = total;
+            }
+    }
+
+    /// X for loads (2 H, N), and which of them join a block.
+    template <class T>
+    void set_steady(const Array<T>& loads, Drive<T>& out) const {
+        out.joined.clear();
+        for (int k = 0; k < int(free_.blocks().size()); ++k)
+            for (int h = 0; h < harmonics(); ++h) set_steady(k, h, loads, out);
+    }
+
     /// X of block k and harmonic h; or the load joins the block, where X is large, and where the block is no pair.
     template <class T>
-    void set_steady(int k, int h, Drive<T>& out) const {
+    void set_steady(int k, int h, const Array<T>& loads, Drive<T>& out) const {
         const Block& block = free_.blocks()[k];
         const int i = block.first, j = block.second, one = 2 * h, two = 2 * h + 1;
         bool acts = false;
         for (int r = 0; r < block.size(); ++r) {
             const int row = r == 1 && j >= 0 ? j : i + r;
-            acts = acts || value(out.modal(one, row)) != 0.0 || value(out.modal(two, row)) != 0.0;
+            acts = acts || !is_zero(loads(one, row)) || !is_zero(loads(two, row));
             out.steady(one, row) = out.steady(two, row) = T(0.0);
         }
         const T nu = harmonics_[h] * out.base;
@@ -220,14 +288,14 @@ private:
             return;
         }
         // (i nu - B)^-1 = (i nu + B - 2 m)/((i nu - m)^2 - delta); the denominator does not cancel in this form.
-        const Complex<T> b(out.modal(one, i), -out.modal(two, i));
+        const Complex<T> b(loads(one, i), -loads(two, i));
         if (!block.is_pair()) {
             const T square = nu * nu + product;
             const T real = -block.mean * b.real + nu * b.imag, imaginary = -block.mean * b.imag - nu * b.real;
             put_steady(Complex<T>(real / square, imaginary / square), one, i, out);
             return;
         }
-        const Complex<T> other(out.modal(one, j), -out.modal(two, j));
+        const Complex<T> other(loads(one, j), -loads(two, j));
         const T real = product - nu * nu, imaginary = -2.0 * block.mean * nu;
         const T square = real * real + imaginary * imaginary;
         const Complex<T> inverse(real / square, -imaginary / square);
@@ -257,6 +325,129 @@ private:
         return NEAR_RESONANCE * std::sqrt(real * real + imaginary * imaginary) > size;
     }
 
+    /// What a coordinate is divided by to balance the matrix: the second entry of a pair.
+    double balance(int r) const {
+        for (const Block& block : free_.blocks())
+            if (block.is_pair() && block.second == r && block.b12 * block.b21 != 0.0)
+                return std::sqrt(std::fabs(block.b21 / block.b12));
+        return 1.0;
+    }
+
+    /// q = the end of what is left of it beside X o, where B varies: from the exponential of B + S and the oscillators
+    /// that have joined a block.
+    template <class T, class O, class Q>
+    void fly_changed(const Drive<T>& drive, const T& t, const O& begin, Q&& q) const {
+        std::vector<int> driving;
+        for (const auto& join : drive.joined)
+            if (std::find(driving.begin(), driving.end(), join.harmonic) == driving.end()) driving.push_back(join.harmonic);
+        const int all = size() + 2 * int(driving.size());
+        std::vector<double> unit(all, 1.0);
+        for (int r = 0; r < size(); ++r) unit[r] = balance(r);
+        LocalSquare<T> matrix(all), flow(all);
+        Local<T> state(all);
+        for (int r = 0; r < all; ++r)
+            for (int c = 0; c < all; ++c) matrix(r, c) = T(0.0);
+        for (int r = 0; r < size(); ++r)
+            for (int c = 0; c < size(); ++c)
+                matrix(r, c) = (free_.matrix()(r, c) + drive.change(r, c)) * (unit[c] / unit[r]);
+        for (const auto& join : drive.joined) {
+            const Block& block = free_.blocks()[join.block];
+            const int a = int(std::find(driving.begin(), driving.end(), join.harmonic) - driving.begin());
+            for (int r = 0; r < block.size(); ++r) {
+                const int row = block.is_pair() && r == 1 ? block.second : block.first + r;
+                for (int part = 0; part < 2; ++part)
+                    matrix(row, size() + 2 * a + part) = drive.felt(2 * join.harmonic + part, row) * (1.0 / unit[row]);
+            }
+        }
+        for (int a = 0; a < int(driving.size()); ++a) {
+            const int one = size() + 2 * a;
+            const T nu = harmonics_[driving[a]] * drive.base;
+            double strength = 0.0;
+            for (int r = 0; r < size(); ++r)
+                strength = std::max(strength, std::fabs(value(matrix(r, one))) + std::fabs(value(matrix(r, one + 1))));
+            const double pace = std::max(free_.fastest(), std::fabs(value(nu)));
+            if (strength > 0.0 && pace > 0.0) unit[one] = unit[one + 1] = pace / strength;
+            for (int r = 0; r < size(); ++r)
+                for (int part = 0; part < 2; ++part) matrix(r, one + part) = matrix(r, one + part) * unit[one];
+            matrix(one, one + 1) = -nu, matrix(one + 1, one) = nu;
+            for (int part = 0; part < 2; ++part) state[one + part] = begin[2 * driving[a] + part] * (1.0 / unit[one]);
+        }
+        for (int r = 0; r < size(); ++r) state[r] = q[r] * (1.0 / unit[r]);
+        flow_large<T, T>(matrix, 0, all, t, flow);
+        for (int r = 0; r < size(); ++r) {
+            T total(0.0);
+            for (int c = 0; c < all; ++c) total += flow(r, c) * state[c];
+            q[r] = total * unit[r];
+        }
+    }
+
+    /// out += the integral of exp(B (t - s)) S exp(B s) start ds over the flight, block by block:
+    ///     exp(B_a t) X - X exp(B_b t) with B_a X - X B_b = S,   or, near resonance,   a part of exp([B_a S; 0 B_b] t)
+    template <class Flow, class Q>
+    void add_change(const Array<First>& change, const Flow& flow, const Q& start, const Q& moved, double t,
+                    Vector<double> out) const {
+        const Matrix<const double> b = free_.matrix();
+        for (const Block& to : free_.blocks())
+            for (const Block& from : free_.blocks()) {
+                const int m = to.size(), k = from.size();
+                const auto row = [&](int r) { return r == 1 && to.is_pair() ? to.second : to.first + r; };
+                const auto column = [&](int c) { return c == 1 && from.is_pair() ? from.second : from.first + c; };
+                double strength = 0.0, pace = 0.0;
+                Array<> matrix(m + k, m + k), ends(m + k, m + k);
+                for (int r = 0; r < m; ++r)
+                    for (int c = 0; c < m; ++c) matrix(r, c) = b(row(r), row(c)) * (balance(row(c)) / balance(row(r)));
+                for (int r = 0; r < k; ++r)
+                    for (int c = 0; c < k; ++c)
+                        matrix(m + r, m + c) = b(column(r), column(c)) * (balance(column(c)) / balance(column(r)));
+                for (int r = 0; r < m + k; ++r)
+                    for (int c = 0; c < m + k; ++c) pace = std::max(pace, std::fabs(matrix(r, c)));
+                for (int r = 0; r < m; ++r)
+                    for (int c = 0; c < k; ++c) {
+                        matrix(r, m + c) = change(row(r), column(c)).slopes[0] * (balance(column(c)) / balance(row(r)));
+                        strength = std::max(strength, std::fabs(matrix(r, m + c)));
+                    }
+                if (strength == 0.0) continue;
+                if (Array<> x(m, k); pace * std::fabs(t) > SHORT && solve_apart(matrix, m, x)) {
+                    for (int r = 0; r < m; ++r)
+                        for (int c = 0; c < k; ++c) {
+                            const double entry = x(r, c) * balance(row(r)) / balance(column(c));
+                            for (int q = 0; q < m; ++q) out[row(q)] += flow(row(q), row(r)) * (entry * start[column(c)]);
+                            out[row(r)] -= entry * moved[column(c)];
+                        }
+                    continue;
+                }
+                const double unit = pace > 0.0 ? strength / pace : strength;
+                for (int r = 0; r < m; ++r)
+                    for (int c = 0; c < k; ++c) matrix(r, m + c) /= unit;
+                flow_large<double, double>(matrix, 0, m + k, t, ends);
+                for (int r = 0; r < m; ++r)
+                    for (int c = 0; c < k; ++c)
+                        out[row(r)] += ends(r, m + c) * (unit * balance(row(r)) / balance(column(c))) * start[column(c)];
+            }
+    }
+
+    /// Solve A x - x B = S of a matrix [A S; 0 B], A (m, m); false where x is large.
+    static bool solve_apart(const Array<>& matrix, int m, Array<>& x) {
+        const int k = matrix.rows() - m, count = m * k;
+        Array<> equations(count, count);
+        std::vector<double> right(count);
+        std::vector<int> order(count);
+        double strength = 0.0, pace = 0.0, size = 0.0;
+        for (int r = 0; r < m; ++r)
+            for (int c = 0; c < k; ++c) {
+                const int e = r * k + c;
+                for (int q = 0; q < m; ++q) equations(e, q * k + c) += matrix(r, q);
+                for (int q = 0; q < k; ++q) equations(e, r * k + q) -= matrix(m + q, m + c);
+                right[e] = matrix(r, m + c);
+                strength = std::max(strength, std::fabs(right[e]));
+                for (int q = 0; q < count; ++q) pace = std::max(pace, std::fabs(equations(e, q)));
+            }
+        if (!(factorise(equations, order).least > 0.0)) return false;
+        substitute(equations, order, right);
+        for (int e = 0; e < count; ++e) x(e / k, e % k) = right[e], size = std::max(size, std::fabs(right[e]));
+        return size * pace <= NEAR_RESONANCE * strength;
+    }
+
     /// q += what a load that has joined a block gives from rest: a part of the exponential of both. The second entry of
     /// a pair, and the oscillator, are scaled to balance the matrix.
     template <class T, class O, class Q>
@@ -280,6 +471,7 @@ private:
             for (int c = 0; c < size; ++c) pace = std::max(pace, std::fabs(b(row, row_of(c))) * unit(c) / unit(r));
         }
         strength = pace > 0.0 ? strength / pace : strength;
+        if (strength == 0.0) strength = 1.0;
         LocalSquare<T> matrix(size + 2), flow(size + 2);
         for (int r = 0; r < size + 2; ++r)
             for (int c = 0; c < size + 2; ++c) matrix(r, c) = T(0.0);

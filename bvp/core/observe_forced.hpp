@@ -79,7 +79,7 @@ private:
         if (first == i || !problem_.hits(i) || !problem_.hits(first) || watch_.stop[first] == watch_.stop[i]) return false;
         double change = 0.0, size = 0.0;
         for (int r = 0; r < problem_.size(); ++r) {
-            const double part = problem_.events().rate(i, r) * problem_.events().push(first, r);
+            const double part = problem_.events().rate(i, r) * problem_.push(first, flown_.at)[r];
             change += part;
             size += std::fabs(part);
         }
@@ -100,16 +100,16 @@ private:
             if (!(length > 0.0)) continue;
             if (mode(i) != present) {
                 present = mode(i);
-                path.emplace(problem_.flight(i), flown_.at.drives[present]);
+                path.emplace(problem_.flight(i, flown_.at), flown_.at.drives[present]);
                 rows_ = Array<>(4 * watch_.stops(), path->size());
                 for (int stop = 0; stop < watch_.stops(); ++stop) {
                     const Matrix<double> rows = Matrix<double>(rows_).rows(4 * stop, 4);
                     if (const int row = watch_.force(present, stop); row >= 0) {
                         // The contact force takes the place of the distance.
                         std::vector<double> state(problem_.size()), loads(none);
-                        for (int r = 0; r < problem_.size(); ++r) state[r] = -problem_.events().pull(row, r);
+                        for (int r = 0; r < problem_.size(); ++r) state[r] = -problem_.pull(row, flown_.at)[r];
                         for (int q = 0; q < int(loads.size()); ++q)
-                            loads[q] = dot(problem_.events().reach[row], flown_.at.forces[q]);
+                            loads[q] = dot(problem_.reach(row, flown_.at), flown_.at.forces[q]);
                         path->functional(state, loads, rows);
                     } else {
                         path->functional(watch_.gaps[stop], none, rows);

@@ -67,7 +67,7 @@ public:
             problem_.land(i, flown.at, flown.before[i], &after_(i, 0));
             // The last impact of half a period is the mirror image of the first one: the same stop is closed.
             const int mode = problem_.events().mode[i < problem_.inner() ? i + 1 : 0];
-            problem_.mode(mode).rate(flown.at.drives[mode], Values(after_[i]), flown.turns[i + 1], going_[i]);
+            problem_.mode(mode, flown.at).rate(flown.at.drives[mode], Values(after_[i]), flown.turns[i + 1], going_[i]);
         }
         form(flown);
         double norm = 0.0;
@@ -137,7 +137,7 @@ private:
             // S = R + late gap, equation (27).
             const auto& events = problem_.events();
             const Values coming = flown.columns[i].subspan(size, size), gap = events.gap[i], rate = events.rate[i],
-                         push = events.push[i];
+                         push = problem_.push(i, flown.at);
             const double jump = problem_.rebound(i, flown.at), speed = dot(gap, coming);
             const double turned = jump * dot(rate, coming);
             for (int c = 0; c < size; ++c) lateness[c] = kick[c] = 0.0;
@@ -205,7 +205,7 @@ private:
             }
             kick *= jump;
             for (int r = 0; r < size; ++r)
-                right(r, c) = c == 0 ? going_(i, r) / scale_[r] / length : left(r, c) - kick * events.push(i, r) / scale_[r];
+                right(r, c) = c == 0 ? going_(i, r) / scale_[r] / length : left(r, c) - kick * problem_.push(i, flown.at)[r] / scale_[r];
         }
     }
 

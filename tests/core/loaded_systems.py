@@ -41,3 +41,29 @@ FLOATING = {
     "forces": [{"load": [1.0, 0.0], "amplitude": "A", "harmonic": 1}, {"load": [0.2, 0.1], "constant": "g"}],
 }  # fmt: skip
 FREE = {**FLOATING, "system": {**FLOATING["system"], "damping": [[0.0, 0.0], [0.0, 0.0]]}}
+
+STIFF = {
+    **PAIR,
+    "parameters": {"A": 0.4, "w": 1.3, "d": 1.0, "r": 0.7, "b": 0.05, "m": 0.2, "k": 0.4, "c": 0.02},
+    "system": {
+        **PAIR["system"], "mass": [[1.0, 0.0], [0.0, "m"]], "damping": [["c + 0.03", "-c"], ["-c", "c*(1 + m)"]],
+        "stiffness": [["1.1 + k", "-k"], ["-k", "k + m/2"]],
+    },
+}  # fmt: skip
+"""Masses, dampers and springs are parameters."""
+HEAVY = {**STIFF, "parameters": {**STIFF["parameters"], "c": 40.0}}
+"""Overdamped: rates far apart."""
+UNDAMPED = {
+    "parameters": {"A": 0.4, "w": 1.3, "k": 1.3, "d": 0.1},
+    "system": {"mass": [[1.0]], "stiffness": [["k**2"]], "stops": [{"c": [1.0], "upper": "d", "restitution": 0.8}]},
+    "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}],
+}
+"""At resonance."""
+CLAMPED = {
+    **HELD,
+    "parameters": {"A": 0.9, "w": 1.1, "d": 0.2, "g": 0.7, "m": 0.4, "k": 0.3},
+    "system": {
+        **HELD["system"], "mass": [["0.96 + m/10", 0.0], [0.0, "m"]], "damping": [[0.1, 0.0], [0.0, "k/6"]],
+        "stiffness": [["0.7 + k", "-k"], ["-k", "0.5 + k"]],
+    },
+}  # fmt: skip
