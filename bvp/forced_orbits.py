@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import saltus_core
 
+from bvp.kernels.multipoint import UNFOLDED
+
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
     from bvp.forced_modes import ForcedMode
@@ -38,7 +40,9 @@ def core_arguments(problem: ForcedProblem) -> tuple[Any, ...] | None:
         return None
     varies = bool(np.any(rows < layout.stiffness.stop))
     arrays, loads = table.arrays, segment.flight.loads
-    size, nodes, first = 2 * problem.degrees_of_freedom, problem.inner + 1, 0 if varies else layout.stiffness.stop
+    size, nodes, first = 2 * problem.degrees_of_freedom, problem.inner + 1, 0 if varies or problem.conserved else layout.stiffness.stop
+    unfolded, has_ends = segment.shape[1] == UNFOLDED, len(segment.end_map) > 0
+    all_nodes = nodes + has_ends
     mode, opening, release = arrays.mode[:nodes], arrays.release[:nodes], np.full(nodes, -1, dtype=np.int64)
     closed = np.argwhere(arrays.closed)
     force = np.full(arrays.closed.shape, -1, dtype=np.int64)
@@ -50,17 +54,20 @@ def core_arguments(problem: ForcedProblem) -> tuple[Any, ...] | None:
     stops = np.array([problem.modes.contact_stop[contact] if contact >= 0 else -1 for contact in problem.contacts[:nodes]], dtype=np.int64)
     watched = _numbers(gaps).reshape(-1, size), *bounds, stops, force, np.array(arrays.opens[:nodes])
     places = [part.start - first for part in (layout.constant, layout.cosine, layout.sine, layout.frequency)]
-    stop, rebound = (np.where(part >= 0, part - first, -1) for part in segment.contact[:nodes].T)
+    stop, rebound = (np.where(part >= 0, part - first, -1) for part in segment.contact[:all_nodes].T)
     program = problem.parametric.program(problem.released, 0).program
     kept = problem.parametric.equations(problem.keep, problem.released, problem.conserved, 0)
+    bounced = (_numbers(part[:all_nodes, :size]) for part in (segment.gap, segment.gap_rate, segment.push))
+    forces = _numbers(pull).reshape(-1, size), *(_numbers(part).reshape(-1, size // 2) for part in (reach, table.stops[closed[:, 1]]))
+    weight, at_force = np.concatenate([made.weight for made in table.made]), np.ascontiguousarray(closed[:, 0])
+    free = bool(problem.conserved), bool(unfolded), *map(int, segment.shape[2:5])
+    entries = _numbers(problem.parametric.entries(problem.values)[first:])
     return (
-        _flights(problem, table.made, problem.system.mass), np.array(mode), release, stop, rebound, _numbers(segment.side[:nodes]), _numbers(segment.gap[:nodes, :size]),
-        _numbers(segment.gap_rate[:nodes, :size]), _numbers(segment.push[:nodes, :size]), _numbers(pull).reshape(-1, size),
-        _numbers(reach).reshape(-1, size // 2), _numbers(table.stops[closed[:, 1]]).reshape(-1, size // 2),
-        np.concatenate([made.weight for made in table.made]), np.ascontiguousarray(closed[:, 0]), table.kept[:nodes], (*segment.closing.tolist(), loads.load_periods), _numbers(released.values),
-        np.array(released.columns), _numbers(problem.parametric.entries(problem.values)[first:]), rows - first,
-        np.array(places), tuple(map(np.ascontiguousarray, program)), tuple(map(np.ascontiguousarray, kept)), _numbers(segment.scale),
-        watched, _modes_at(problem) if varies else None,
+        _flights(problem, table.made, problem.system.mass), np.array(mode), release, stop, rebound, _numbers(segment.side[:all_nodes]),
+        *bounced, *forces, weight, at_force, table.kept[:all_nodes], (*segment.closing.tolist(), loads.load_periods), free,
+        _numbers(segment.end_map), _numbers(released.values), np.array(released.columns), entries, rows - first, np.array(places),
+        tuple(map(np.ascontiguousarray, program)), tuple(map(np.ascontiguousarray, kept)), _numbers(segment.scale), watched,
+        _modes_at(problem) if varies else None,
     )  # fmt: skip
 
 
@@ -96,13 +103,17 @@ def core_unknowns(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
     size = 2 * problem.degrees_of_freedom
     nodes = problem.nodes(y)
     times = nodes[:, size] if problem.has_clock else problem.flight_times(y)
-    return np.concatenate([np.column_stack([times, nodes[:, :size]]).ravel(), nodes[0, size + 1 :]])
+    kick = y[len(nodes) * (problem.size + 1) :]
+    return np.concatenate([np.column_stack([times, nodes[:, :size]]).ravel(), kick, nodes[0, size + 1 :]])
 
 
 def unknowns_of_core(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
     """The inverse of `core_unknowns`."""
-    size, count = 2 * problem.degrees_of_freedom, len(problem.released)
-    nodes, parameters = y[: len(y) - count].reshape(-1, size + 1), y[len(y) - count :]
+    size, count, nodes = 2 * problem.degrees_of_freedom, len(problem.released), problem.inner + 1
+    kick, parameters = np.split(y[nodes * (size + 1) :], [len(y) - count - nodes * (size + 1)])
+    part = y[: nodes * (size + 1)].reshape(nodes, size + 1)
     if problem.has_clock:
-        return problem.pack(nodes[:, 1:], nodes[:, 0], parameters)
-    return problem.pack(nodes[:, 1:], np.zeros(len(nodes)), parameters, nodes[:, 0])
+        return problem.pack(part[:, 1:], part[:, 0], parameters)
+    out = problem.pack(part[:, 1:], np.zeros(nodes), parameters, part[:, 0])
+    out[len(out) - len(kick) :] = kick
+    return out

@@ -105,7 +105,8 @@ void bind_forced(nb::module_& m) {
             "__init__",
             [](BoundForced* self, std::vector<Flight> modes, InIndices mode, InIndices release, InIndices bound,
                InIndices restitution, InVector side, InMatrix gap, InMatrix rate, InMatrix push, InMatrix pull,
-               InMatrix reach, InMatrix closed, InVector unit, InIndices force_mode, InIndices kept_mode, std::tuple<double, double, double> closure, InVector values, InIndices released,
+               InMatrix reach, InMatrix closed, InVector unit, InIndices force_mode, InIndices kept_mode, std::tuple<double, double, double> closure,
+               std::tuple<bool, bool, int, int, int> free, InMatrix ends, InVector values, InIndices released,
                InVector entries, InIndices rows, InIndices places, std::tuple<InPairs, InVector, InIndices> program,
                std::tuple<InPairs, InVector, InIndices> kept, InVector units,
                std::tuple<InMatrix, InIndices, InIndices, InIndices, InPairs, InIndices> watched, nb::object modes_at, bool general) {
@@ -116,10 +117,26 @@ void bind_forced(nb::module_& m) {
                     require_size("harmonics", flight.harmonics(), modes[0].harmonics());
                 }
                 if (count < 1) throw nb::value_error("an orbit has a flight");
-                for (const InIndices* part : {&release, &bound, &restitution}) require_size("nodes", part->shape(0), count);
-                require_size("nodes", side.shape(0), count);
+                const auto [is_free, unfolds, quarters, start, finish] = free;
+                for (int end : {start, finish})
+                    if (end < 0 || end > int(End::PERIODIC)) throw nb::value_error("unknown kind of end");
+                if (quarters != 1 && quarters != 2 && quarters != 4)
+                    throw nb::value_error("flights last one, two or four quarter periods");
+                const bool has_ends = ends.shape(0) > 0;
+                require_size("conditions of ends", ends.shape(0), has_ends ? size : 0);
+                require_size("a condition", ends.shape(1), size);
+                if (has_ends != (End(start) != End::PERIODIC) || has_ends != (End(finish) != End::PERIODIC))
+                    throw nb::value_error("an orbit is periodic at both ends, or at none");
+                if ((unfolds || has_ends) != is_free || (unfolds && has_ends))
+                    throw nb::value_error("a free orbit closes with a kick, or has two ends");
+                if (is_free && (std::get<1>(closure) != 0.0 || modes.size() > 1))
+                    throw nb::value_error("a free orbit has no clock, and no stop that sticks");
+                const int nodes = count + has_ends;
+                require_size("nodes", release.shape(0), count);
+                for (const InIndices* part : {&bound, &restitution}) require_size("nodes", part->shape(0), nodes);
+                require_size("nodes", side.shape(0), nodes);
                 for (const InMatrix* part : {&gap, &rate, &push}) {
-                    require_size("nodes", part->shape(0), count);
+                    require_size("nodes", part->shape(0), nodes);
                     require_size("a row", part->shape(1), size);
                 }
                 require_size("a force's row", pull.shape(1), size);
@@ -130,7 +147,7 @@ void bind_forced(nb::module_& m) {
                                     indices(force_mode), indices(kept_mode)};
                 for (size_t rows : {closed.shape(0), unit.shape(0), force_mode.shape(0)}) require_size("forces", rows, pull.shape(0));
                 require_size("a gap", closed.shape(1), n);
-                require_size("nodes", kept_mode.shape(0), count);
+                require_size("nodes", kept_mode.shape(0), nodes);
                 require_indices("flight", events.force_mode, 0, int(modes.size()));
                 require_indices("flight", events.kept, 0, int(modes.size()));
                 if (!std::is_sorted(events.force_mode.begin(), events.force_mode.end()))
@@ -139,8 +156,10 @@ void bind_forced(nb::module_& m) {
                 require_indices("contact force", events.release, -1, int(pull.shape(0)));
                 require_indices("bound", events.bound, -1, all);
                 require_indices("restitution", events.restitution, -1, all);
-                for (int i = 0; i < count; ++i)
-                    if (events.side[i] != 0.0 && events.bound[i] < 0) throw nb::value_error("an impact needs a bound");
+                for (int i = 0; i < nodes; ++i) {
+                    const bool at_stop = has_ends && i + 2 >= nodes && End(i + 1 == nodes ? start : finish) == End::STOP;
+                    if ((at_stop || events.side[i] != 0.0) && events.bound[i] < 0) throw nb::value_error("an impact needs a bound");
+                }
                 require_size("places of loads", places.shape(0), 4);
                 const int harmonics = modes[0].harmonics(), harmonic = harmonics - (harmonics > 0 && modes[0].harmonic(0) == 0.0);
                 const int64_t* at = places.data();
@@ -148,19 +167,19 @@ void bind_forced(nb::module_& m) {
                     at[2] + harmonic * n > all || at[3] < 0 || at[3] >= all)
                     throw nb::value_error("the loads are outside the entries");
                 const int names = int(values.shape(0));
-                const auto make = [names](auto& parts) {
-                    return formulas(names, std::get<0>(parts), std::get<1>(parts), std::get<2>(parts));
+                const auto make = [](auto& parts, int known) {
+                    return formulas(known, std::get<0>(parts), std::get<1>(parts), std::get<2>(parts));
                 };
-                Parameters parameters{make(program), indices(rows), own(values), indices(released), own(entries),
-                                      int(at[0]), int(at[1]), int(at[2]), int(at[3]), make(kept), {}};
+                Parameters parameters{make(program, names), indices(rows), own(values), indices(released), own(entries),
+                                      int(at[0]), int(at[1]), int(at[2]), int(at[3]), make(kept, is_free ? names + 2 : names), {}};
+                if (is_free || !modes_at.is_none()) require_size("matrices", std::min(3 * n * n, all), 3 * n * n);
                 if (!modes_at.is_none()) {
-                    require_size("matrices", std::min(3 * n * n, all), 3 * n * n);
                     parameters.modes = modes_of(std::move(modes_at), int(modes.size()), modes[0]);
                 }
                 require_size("rows of the program", parameters.rows.size(), parameters.program.outputs.size());
                 require_indices("entry", parameters.rows, 0, all);
                 require_indices("parameter", parameters.released, 0, names);
-                require_size("kept equations", parameters.kept.outputs.size() + 1, parameters.released.size());
+                require_size("kept equations", parameters.kept.outputs.size() + !is_free, parameters.released.size());
                 require_size("units", units.shape(0), size + 1 + released.shape(0));
                 auto& [gaps, lower, upper, stop, force, opens] = watched;
                 ForcedWatch watch{own(gaps), indices(lower), indices(upper), indices(stop), {}, indices(opens)};
@@ -180,13 +199,16 @@ void bind_forced(nb::module_& m) {
                 require_indices("flight", watch.opens, -1, int(modes.size()));
                 require_indices("contact force", {watch.force.data(), watch.force.data() + force.size()}, -1, int(pull.shape(0)));
                 new (self) BoundForced({std::move(modes), std::move(parameters), std::move(events),
-                                        {std::get<0>(closure), std::get<1>(closure), std::get<2>(closure)}, own(units),
+                                        {std::get<0>(closure), std::get<1>(closure), std::get<2>(closure), is_free, unfolds,
+                                         quarters, End(start), End(finish), own(ends)},
+                                        own(units),
                                         std::move(watch)},
                                        general);
             },
             nb::arg("modes"), nb::arg("mode"), nb::arg("release"), nb::arg("bound"), nb::arg("restitution"),
             nb::arg("side"), nb::arg("gap"), nb::arg("rate"), nb::arg("push"), nb::arg("pull"), nb::arg("reach"),
-            nb::arg("closed"), nb::arg("unit"), nb::arg("force_mode"), nb::arg("kept_mode"), nb::arg("closure"), nb::arg("values"), nb::arg("released"), nb::arg("entries"), nb::arg("rows"),
+            nb::arg("closed"), nb::arg("unit"), nb::arg("force_mode"), nb::arg("kept_mode"), nb::arg("closure"), nb::arg("free"),
+            nb::arg("ends"), nb::arg("values"), nb::arg("released"), nb::arg("entries"), nb::arg("rows"),
             nb::arg("places"), nb::arg("program"), nb::arg("kept"), nb::arg("units"), nb::arg("watched"), nb::arg("modes_at") = nb::none(),
             nb::arg("general") = false,
             "modes_at: where masses, dampers or springs vary, a function of all parameters and entries that gives the flights of the "

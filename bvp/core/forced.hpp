@@ -9,6 +9,11 @@
 /// Of half a period, -z_0 and c_0 + 1/2 take the places of z_0 and c_0 + 1. At a release the contact force, equation
 /// (43), takes the place of the gap. Without impacts c_0 = 0 takes the place of the last gap, and flights of equal time
 /// that of the others. Without harmonic loads there is no clock: the flight times t_i are unknowns in place of c_i.
+///
+/// Free orbits, equation (41), have no loads and no clock. The user's equations can name their energy H and quarter
+/// period, and there are as many as released parameters. A closed one has the unknown xi before the parameters, and
+///     R flight(z_k, t_k) + xi grad H(z_0) - z_0 = 0
+/// and one between two ends has n conditions of each in place of the closure.
 #pragma once
 
 #include <functional>
@@ -42,6 +47,7 @@ struct Parameters {
 struct ForcedEvents {
     std::vector<int> mode;         // (k + 1,) contact mode of each flight
     std::vector<int> release;      // (k + 1,) force row that vanishes at a node; -1: no release
+    // Of the nodes, and between two ends of the start behind them:
     std::vector<int> bound, restitution;  // (k + 1,) entries of a node's stop; -1: none, and no rebound
     std::vector<double> side;      // (k + 1,) +1 upper, -1 lower, 0 no impact
     Array<> gap, rate, push;       // (k + 1, N)
@@ -50,7 +56,7 @@ struct ForcedEvents {
     Array<> closed;                // (F, n) the gaps of these stops
     std::vector<double> unit;      // (F,) of the forces, with the side of the stop as its sign
     std::vector<int> force_mode;   // (F,) the contact mode in which each acts, in ascending order
-    std::vector<int> kept;         // (k + 1,) the contact mode in which the impulse of a node acts
+    std::vector<int> kept;         // of each of them, the contact mode in which the impulse of a node acts
     int nodes() const { return int(mode.size()); }
 };
 
@@ -59,6 +65,11 @@ struct ForcedClosure {
     double sign;          // what the state is multiplied by over the segment: -1 of half a period
     double part;          // of the period that it lasts; 0: there is no clock
     double load_periods;  // periods of the base frequency in one of the orbit
+    // Of free orbits:
+    bool is_free = false, unfolds = false;            // whether it is one, and whether it has xi
+    int quarters = 4;                                 // quarter periods that the flights last
+    End start = End::PERIODIC, finish = End::PERIODIC;
+    Array<> ends;                                     // (N, N) rows of the conditions at the start, then at the far end; else (0, N)
 };
 
 /// Orbits of N states in P released parameters; both may be DYNAMIC.
@@ -106,10 +117,14 @@ public:
     constexpr int rows() const { return size() + 1; }
     int inner() const { return events_.nodes() - 1; }
     int kept() const { return int(parameters_.kept.outputs.size()); }
-    int closers() const { return rows() + kept(); }
-    int unknowns() const { return (inner() + 1) * rows() + released(); }
+    /// Closing equations but the user's.
+    int closures() const { return has_ends() ? size() : rows(); }
+    int closers() const { return closures() + kept(); }
+    int unknowns() const { return parameter(0) + released(); }
     int harmonics() const { return (*modes_)[0].harmonics(); }
     bool has_clock() const { return closure_.part > 0.0; }
+    bool is_free() const { return closure_.is_free; }
+    bool has_ends() const { return closure_.ends.rows() > 0; }
     const ForcedClosure& closure() const { return closure_; }
     const ForcedEvents& events() const { return events_; }
     /// Whether masses, dampers or springs vary.
@@ -132,10 +147,11 @@ public:
 
     int time(int i) const { return i * rows(); }
     int begin(int i) const { return i * rows() + 1; }
-    int parameter(int j) const { return (inner() + 1) * rows() + j; }
+    int unfolding() const { return (inner() + 1) * rows(); }
+    int parameter(int j) const { return unfolding() + closure_.unfolds + j; }
     bool hits(int i) const { return events_.side[i] != 0.0; }
-    /// Whether nothing happens at node i: a response without impacts has a clock.
-    bool is_cut(int i) const { return !hits(i) && events_.release[i] < 0; }
+    /// Whether nothing is asked of the state of node i.
+    bool is_cut(int i) const { return events_.bound[i] < 0 && events_.release[i] < 0; }
     /// Whether impact i has a rebound that is known by an entry.
     bool rebounds(int i) const { return hits(i) && events_.restitution[i] >= 0; }
 
@@ -212,9 +228,25 @@ public:
         return 2.0 * PI * closure_.load_periods / base;
     }
     /// Sum of the flight times in the unknowns y, or in a change of them, where there is no clock.
-    double total_time(Values y) const {
-        double total = 0.0;
-        for (int i = 0; i <= inner(); ++i) total += y[time(i)];
+    template <class Y>
+    auto total_time(const Y& y) const {
+        auto total = y[time(0)];
+        for (int i = 1; i <= inner(); ++i) total += y[time(i)];
+        return total;
+    }
+
+    /// Entry r of grad H of a free orbit at its state z. M and K are the first and third of the entries.
+    template <class T, class Z>
+    auto energy_slope(const std::vector<T>& entries, const Z& z, int r) const {
+        const int n = size() / 2, first = r < n ? 2 * n * n + r * n : (r - n) * n, from = r < n ? 0 : n;
+        auto total = entries[first] * z[from];
+        for (int c = 1; c < n; ++c) total += entries[first + c] * z[from + c];
+        return total;
+    }
+    template <class T, class Z>
+    auto energy(const std::vector<T>& entries, const Z& z) const {
+        auto total = 0.5 * energy_slope(entries, z, 0) * z[0];
+        for (int r = 1; r < size(); ++r) total += 0.5 * energy_slope(entries, z, r) * z[r];
         return total;
     }
 
@@ -238,14 +270,48 @@ public:
         for (int i = 0; i <= inner(); ++i) {
             // Equation (39): the flight lands on the next node, which lies on its stop, or opens it.
             const int row = i * rows(), next = begin(i < inner() ? i + 1 : 0);
+            if (i == inner() && has_ends()) {
+                end_equations(y, at, before[i], &out[row]);
+                break;
+            }
             const double sign = i < inner() ? 1.0 : closure_.sign;
             land(i, at, before[i], &out[row]);
             for (int r = 0; r < size(); ++r) out[row + r] -= sign * y[next + r];
             if (is_cut(i)) out[row + size()] = cut(y, i);
             else out[row + size()] = place(i, at, Vector<const T>(&y[next], size()), sign, turns[i + 1]);
+            // Equation (41).
+            if (i == inner() && closure_.unfolds)
+                for (int r = 0; r < size(); ++r) out[row + r] += y[unfolding()] * energy_slope(at.entries, &y[next], r);
         }
-        parameters_.kept.evaluate<T>(at.parameters,
-                             [&](int e, const T& entry) { out[(inner() + 1) * rows() + e] = entry; });
+        each_kept(at, y, [&](int e, const T& entry) { out[inner() * rows() + closures() + e] = entry; });
+    }
+
+    /// Call take(e, left less right side) for the user's equations.
+    template <class T, class Y, class Take>
+    void each_kept(const Setting<T>& at, const Y& y, Take&& take) const {
+        if (!is_free()) return parameters_.kept.evaluate<T>(at.parameters, take);
+        std::vector<T> known(at.parameters);
+        known.push_back(energy(at.entries, &y[begin(0)]));
+        known.push_back(T(total_time(y) / double(closure_.quarters)));
+        parameters_.kept.evaluate<T>(known, take);
+    }
+
+    /// The conditions of both ends, equation (41), at a stop of the state after an impact without rebound. before: the state
+    /// after the last flight.
+    template <class Y, class T, class Z, class Out>
+    void end_equations(const Y& y, const Setting<T>& at, const Z& before, Out* out) const {
+        const int n = size() / 2;
+        State<T> z(size());
+        for (int end = 0; end < 2; ++end) {
+            const int node = inner() + 1 - end;
+            if (end == 0) land(node, at, Vector<const T>(&y[begin(0)], size()), &z[0]);
+            else land(node, at, before, &z[0]);
+            for (int e = 0; e < n; ++e) {
+                const bool stop = is_stop(end, e);
+                out[end * n + e] = dot(stop ? events_.gap[node] : closure_.ends[end * n + e], Vector<const T>(z));
+                if (stop) out[end * n + e] -= at.entries[events_.bound[node]];
+            }
+        }
     }
 
     /// out = the state after event i, equation (4).
@@ -327,6 +393,12 @@ public:
             scale[time(i)] = has_clock() ? 1.0 : found.longest;
         }
         for (int j = 0; j < released(); ++j) scale[parameter(j)] = hypot(units_[rows() + j], y[parameter(j)]);
+        if (closure_.unfolds) {
+            double kick = 0.0;
+            for (int r = 0; r < size(); ++r)
+                kick = std::max(kick, std::fabs(energy_slope(flown.at.entries, &y[begin(0)], r)) / scale[begin(0) + r]);
+            scale[unfolding()] = kick > 0.0 ? 1.0 / kick : 1.0;
+        }
         return found;
     }
 
@@ -354,15 +426,21 @@ public:
     }
 
     /// The largest residual, displacements and velocities each by their own scale.
-    double scaled_residual(Values, const Flown&, Values residual, const Sizes& sizes) const {
+    double scaled_residual(Values y, const Flown& flown, Values residual, const Sizes& sizes) const {
         double worst = 0.0;
+        const int closing = inner() * rows(), user = closing + closures();
+        std::vector<double> terms(kept(), 1.0);  // at most, beside 1
+        if (is_free())
+            each_known_slope(flown.at, y, [&](int e, const Known& entry, double energy, double quarter) {
+                terms[e] = larger(1.0, entry.slopes[0] * energy, entry.slopes[1] * quarter);
+            });
         for (int row = 0; row < int(residual.size()); ++row) {
             const int r = row % rows();
-            const bool equation = row < (inner() + 1) * rows();
             double unit = 1.0;
-            if (equation && (r < size() / 2 || (r == size() && !is_cut(row / rows()))))
-                unit = sizes.displacement;
-            else if (equation && r < size()) unit = sizes.velocity;
+            if (row >= user) unit = terms[row - user];
+            else if (row >= closing && has_ends()) unit = has_displacement(row - closing) ? sizes.displacement : sizes.velocity;
+            else if (r < size() / 2 || (r == size() && !is_cut(row / rows()))) unit = sizes.displacement;
+            else if (r < size()) unit = sizes.velocity;
             const double entry = std::fabs(residual[row]) / unit;
             if (!(entry <= worst)) worst = entry;
         }
@@ -386,8 +464,10 @@ public:
             std::copy_n(flown.columns[i].data(), columns.rows() * size(), columns.data());
             landing_blocks(i, flown, landing, columns);
             if (i < inner()) flight_columns(i, y, flown, landing, columns, scale, out);
+            else if (has_ends()) end_columns(y, flown, landing, columns, scale, out);
             else closing_columns(y, flown, landing, columns, scale, out);
         }
+        kept_columns(y, flown, scale, out);
     }
 
 private:
@@ -490,10 +570,84 @@ private:
                 [&](int j, double entry) {
                     out.shared_closing(j)[size()] += entry * (scale[parameter(j)] * out.spread());
                 });
+        if (!closure_.unfolds) return;
+        const Values z = y.subspan(begin(0), size());
+        const double xi = y[unfolding()];
+        const int n = size() / 2;
+        for (int r = 0; r < size(); ++r) {
+            out.closing(unfolding())[r] += energy_slope(flown.at.entries, z, r) * scale[unfolding()];
+            const int first = r < n ? 2 * n * n + r * n : (r - n) * n, from = begin(0) + (r < n ? 0 : n);
+            for (int c = 0; c < n; ++c) out.closing(from + c)[r] += xi * flown.at.entries[first + c] * scale[from + c];
+            for (int j = 0; j < released(); ++j)
+                out.shared_closing(j)[r] +=
+                    xi * energy_slope(flown.slopes[j].entries, z, r).slopes[0] * (scale[parameter(j)] * out.spread());
+        }
+    }
+
+    /// Whether condition e of an end is that of its stop.
+    bool is_stop(int end, int e) const { return e == 0 && (end == 0 ? closure_.start : closure_.finish) == End::STOP; }
+    /// Whether a row of the ends is on displacements.
+    bool has_displacement(int row) const {
+        for (int c = 0; c < size() / 2; ++c)
+            if (closure_.ends(row, c) != 0.0) return true;
+        return false;
+    }
+
+    /// Derivatives of `end_equations`. landing, columns: of the state after the last flight, and an impact without rebound.
+    template <class Landing, class Elimination>
+    void end_columns(Values y, const Flown& flown, Landing& landing, const Array<>& columns, Values scale,
+                     Elimination& out) const {
+        const int k = inner(), n = size() / 2, start = k + 1;
+        const Values z = y.subspan(begin(0), size()), rate = events_.rate[start], push = this->push(start, flown.at);
+        for (int e = 0; e < n; ++e) {
+            const bool stop = is_stop(1, e), from_stop = is_stop(0, e);
+            const Values far = stop ? events_.gap[k] : closure_.ends[n + e], near = from_stop ? events_.gap[start] : closure_.ends[e];
+            const double kick = hits(start) ? dot(near, push) : 0.0;
+            for (int c = 0; c < size(); ++c) {
+                double total = 0.0;
+                for (int r = 0; r < size(); ++r) total += far[r] * landing(r, c);
+                out.closing(begin(k) + c)[n + e] += total * scale[begin(k) + c];
+                out.closing(begin(0) + c)[e] += (near[c] - kick * rate[c]) * scale[begin(0) + c];
+            }
+            out.closing(time(k))[n + e] += dot(far, columns[1]) * scale[time(k)];
+            for (int j = 0; j < released(); ++j) {
+                const auto bound = [&](int node) { return flown.slopes[j].entries[events_.bound[node]].slopes[0]; };
+                double late = dot(far, columns[2 + j]) - (stop ? bound(k) : 0.0), early = from_stop ? -bound(start) : 0.0;
+                for (int r = 0; varies() && hits(start) && r < size(); ++r)
+                    early -= near[r] * flown.slopes[j].push(start, r).slopes[0] * dot(rate, z);
+                out.shared_closing(j)[n + e] += late * (scale[parameter(j)] * out.spread());
+                out.shared_closing(j)[e] += early * (scale[parameter(j)] * out.spread());
+            }
+        }
+    }
+
+    using Known = Jet<double, 2>;
+    /// Call take(e, an equation of the user with its derivatives by energy and quarter period, and these).
+    template <class Take>
+    void each_known_slope(const Setting<double>& at, Values y, Take&& take) const {
+        const double h = energy(at.entries, &y[begin(0)]), quarter = total_time(y) / closure_.quarters;
+        std::vector<Known> known(at.parameters.begin(), at.parameters.end());
+        known.push_back(Known::variable(h, 0));
+        known.push_back(Known::variable(quarter, 1));
+        parameters_.kept.evaluate<Known>(known, [&](int e, const Known& entry) { take(e, entry, h, quarter); });
+    }
+
+    /// Derivatives of the user's equations.
+    template <class Elimination>
+    void kept_columns(Values y, const Flown& flown, Values scale, Elimination& out) const {
         for (int j = 0; j < released(); ++j)
-            parameters_.kept.evaluate<First>(flown.slopes[j].parameters, [&](int e, const First& entry) {
-                out.shared_closing(j)[rows() + e] += entry.slopes[0] * (scale[parameter(j)] * out.spread());
+            each_kept(flown.slopes[j], y, [&](int e, const First& entry) {
+                out.shared_closing(j)[closures() + e] += entry.slopes[0] * (scale[parameter(j)] * out.spread());
             });
+        if (!is_free()) return;
+        each_known_slope(flown.at, y, [&](int e, const Known& entry, double, double) {
+            const int row = closures() + e;
+            for (int r = 0; r < size(); ++r)
+                out.closing(begin(0) + r)[row] +=
+                    entry.slopes[0] * energy_slope(flown.at.entries, &y[begin(0)], r) * scale[begin(0) + r];
+            for (int i = 0; i <= inner(); ++i)
+                out.closing(time(i))[row] += entry.slopes[1] / closure_.quarters * scale[time(i)];
+        });
     }
 
     /// Call by_node(unknown, entry) and by_parameter(j, entry) for the derivatives of `place`.
@@ -539,7 +693,7 @@ private:
     void vary(Setting<T>& out) const {
         const int n = size() / 2, forces = events_.pull.rows();
         out.modes.resize(modes());
-        out.push = Array<T>(events_.nodes(), size()), out.pull = Array<T>(forces, size()), out.reach = Array<T>(forces, n);
+        out.push = Array<T>(events_.gap.rows(), size()), out.pull = Array<T>(forces, size()), out.reach = Array<T>(forces, n);
         for (int f = 0, row = 0; f < modes(); ++f) {
             int count = 0;
             while (row + count < forces && events_.force_mode[row + count] == f) ++count;
@@ -549,7 +703,7 @@ private:
             for (int k = 0; k < count; ++k, ++row)
                 copy(out.modes[f].pull[k], out.pull[row]), copy(out.modes[f].reach[k], out.reach[row]);
         }
-        for (int i = 0; i < events_.nodes(); ++i) {
+        for (int i = 0; i < events_.gap.rows(); ++i) {
             if (!hits(i)) continue;
             const Array<T>& inverse = out.modes[events_.kept[i]].inverse;
             T along(0.0);

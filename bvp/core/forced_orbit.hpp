@@ -41,6 +41,7 @@ public:
 
     bool multipliers(Values y, Vector<double> real, Vector<double> imaginary) override {
         return this->with_work([&](Work& work) {
+            if (this->problem_.is_free()) return false;
             work.tests.prepare(y);
             auto& stroboscopic = work.tests.stroboscopic;
             if (!stroboscopic.find(y, work.stepper.newton.flown, false)) return false;

@@ -29,7 +29,11 @@ public:
 
     void prepare(Values y) { newton_.evaluate(y); }
 
-    void observe(Values y, Values, Point& point) { ForcedObservation(problem_, watch_, y, newton_.flown, point).run(); }
+    /// Free orbits are left to the problem of the system at their parameters.
+    void observe(Values y, Values, Point& point) {
+        point.gave_up = 0.0;
+        if (!problem_.is_free()) ForcedObservation(problem_, watch_, y, newton_.flown, point).run();
+    }
 
     /// Observe an orbit, and fill its test functions; false where it is no orbit.
     bool operator()(Values y, Values ends, Point& point, Vector<double> out) {
@@ -51,7 +55,8 @@ public:
         out[4] = point.flight / point.quarter_period;
         out[5] = limits->low > -INFINITE ? value - limits->low : 1.0;
         out[6] = limits->high < INFINITE ? limits->high - value : 1.0;
-        std::tie(out[7], out[8]) = stroboscopic.tests(y, newton_.flown);
+        out[7] = out[8] = NOT_A_NUMBER;
+        if (!problem_.is_free()) std::tie(out[7], out[8]) = stroboscopic.tests(y, newton_.flown);
         if (limits->neutral) out[8] = NOT_A_NUMBER;
         for (size_t k = 0; k < limits->targets.size(); ++k) out[FORCED_TESTS + k] = value - limits->targets[k];
     }
