@@ -298,7 +298,7 @@ class ForcedProblem:
         if at == self._modes_at:
             return
         segment, layout = self.segment, self.parametric.layout
-        if self._is_undamped:
+        if self.is_undamped:
             renewed = renew_free_flight(segment, self._renewal)
             self._modes_at = at if renewed else ()
             if not renewed:
@@ -319,7 +319,7 @@ class ForcedProblem:
             self._table.write_slopes(system, j, parts, segment.gap, segment.push_slope[j])
 
     @cached_property
-    def _is_undamped(self) -> bool:
+    def is_undamped(self) -> bool:
         """Whether the system has linear springs and no dampers, and no stop sticks."""
         layout, damping = self.parametric.layout, self.segment.released.entries[self.parametric.layout.damping]
         varies = np.isin(self.segment.released.rows, range(layout.size)[layout.damping]).any()
@@ -364,7 +364,7 @@ class ForcedProblem:
     def locate_domains(self, names: Sequence[str]) -> None:
         """Let steps go beyond the domains of these released parameters, by default of the first one: test functions locate their ends."""
         self._located = tuple(names)
-        for name in ("_leaves_unseen", "_is_undamped"):
+        for name in ("_leaves_unseen", "is_undamped"):
             self.__dict__.pop(name, None)
 
     def position(self, y: np.ndarray) -> np.ndarray:

@@ -19,14 +19,16 @@ Jet<double, 1> along(double value, double slope) {
     return out;
 }
 
-/// A forced problem as Python holds it, compiled for one and two degrees of freedom in one parameter, and for any.
+/// A forced problem as Python holds it, compiled for linear flights of one and two degrees of freedom in one parameter, for
+/// any, and for smooth forces.
 class BoundForced : public BoundAny {
 public:
     BoundForced(ForcedParts parts, bool general) {
-        const int size = parts.modes[0].size(), released = int(parts.parameters.released.size());
-        if (size == 2 && released == 1 && !general) problem = make_forced_problem<2, 1>(std::move(parts));
-        else if (size == 4 && released == 1 && !general) problem = make_forced_problem<4, 1>(std::move(parts));
-        else problem = make_forced_problem<DYNAMIC, DYNAMIC>(std::move(parts));
+        const int size = parts.modes.empty() ? 0 : parts.modes[0].size(), released = int(parts.parameters.released.size());
+        if (!parts.smooth.empty()) problem = make_forced_problem<SmoothLoadedFlight, DYNAMIC>(std::move(parts));
+        else if (size == 2 && released == 1 && !general) problem = make_forced_problem<LoadedFlight<2>, 1>(std::move(parts));
+        else if (size == 4 && released == 1 && !general) problem = make_forced_problem<LoadedFlight<4>, 1>(std::move(parts));
+        else problem = make_forced_problem<Flight, DYNAMIC>(std::move(parts));
         any = problem.get();
     }
     std::unique_ptr<AnyForcedProblem> problem;
@@ -49,6 +51,147 @@ auto modes_of(nb::object function, int count, const Flight& like) {
 void require_indices(const char* name, const std::vector<int>& values, int least, int end) {
     for (int index : values)
         if (index < least || index >= end) throw nb::value_error((std::string("there is no such ") + name).c_str());
+}
+
+/// The flights of the contact modes.
+template <bool SMOOTH>
+const auto& modes_in(const ForcedParts& parts) {
+    if constexpr (SMOOTH) return parts.smooth;
+    else return parts.modes;
+}
+
+/// The constructor of a problem for one kind of flights.
+template <class Modes, class Class>
+void define_constructor(Class& bound) {
+    bound.def(
+            "__init__",
+            [](BoundForced* self, const Modes& flights, InIndices mode, InIndices release, InIndices bound,
+               InIndices restitution, InVector side, InMatrix gap, InMatrix rate, InMatrix push, InMatrix pull,
+               InMatrix reach, InMatrix closed, InVector unit, InIndices force_mode, InIndices kept_mode, InIndices summed, std::tuple<double, double, double> closure,
+               std::tuple<bool, bool, int, int, int> free, InMatrix ends, InVector values, InIndices released,
+               InVector entries, InIndices rows, InIndices places, std::tuple<InPairs, InVector, InIndices> program,
+               std::tuple<InPairs, InVector, InIndices> kept, InVector units,
+               std::tuple<InMatrix, InIndices, InIndices, InIndices, InPairs, InIndices> watched, bool varies, bool undamped, nb::object modes_at, bool general) {
+                constexpr bool SMOOTH = std::is_same_v<Modes, SmoothLoadedFlight>;
+                ForcedParts parts;
+                if constexpr (SMOOTH) parts.smooth.push_back(flights);
+                else parts.modes = flights;
+                const auto& modes = modes_in<SMOOTH>(parts);
+                if (modes.empty()) throw nb::value_error("a forced problem has a flight");
+                const int size = modes[0].size(), count = int(mode.shape(0)), n = size / 2, all = int(entries.shape(0));
+                for (const auto& flight : modes) {
+                    require_size("a flight's states", flight.size(), size);
+                    require_size("harmonics", flight.harmonics(), modes[0].harmonics());
+                }
+                if (count < 1) throw nb::value_error("an orbit has a flight");
+                const auto [is_free, unfolds, quarters, start, finish] = free;
+                for (int end : {start, finish})
+                    if (end < 0 || end > int(End::PERIODIC)) throw nb::value_error("unknown kind of end");
+                if (quarters != 1 && quarters != 2 && quarters != 4)
+                    throw nb::value_error("flights last one, two or four quarter periods");
+                const bool has_ends = ends.shape(0) > 0;
+                require_size("conditions of ends", ends.shape(0), has_ends ? size : 0);
+                require_size("a condition", ends.shape(1), size);
+                if (has_ends != (End(start) != End::PERIODIC) || has_ends != (End(finish) != End::PERIODIC))
+                    throw nb::value_error("an orbit is periodic at both ends, or at none");
+                if ((unfolds || has_ends) != is_free || (unfolds && has_ends))
+                    throw nb::value_error("a free orbit closes with a kick, or has two ends");
+                if (is_free && (std::get<1>(closure) != 0.0 || modes.size() > 1))
+                    throw nb::value_error("a free orbit has no clock, and no stop that sticks");
+                const int nodes = count + has_ends;
+                require_size("nodes", release.shape(0), count);
+                for (const InIndices* part : {&bound, &restitution}) require_size("nodes", part->shape(0), nodes);
+                require_size("nodes", side.shape(0), nodes);
+                for (const InMatrix* part : {&gap, &rate, &push}) {
+                    require_size("nodes", part->shape(0), nodes);
+                    require_size("a row", part->shape(1), size);
+                }
+                require_size("a force's row", pull.shape(1), size);
+                require_size("a force's loads", reach.shape(1), n);
+                require_size("forces", reach.shape(0), pull.shape(0));
+                ForcedEvents events{indices(mode), indices(release), indices(bound), indices(restitution), own(side),
+                                    own(gap), own(rate), own(push), own(pull), own(reach), own(closed), own(unit),
+                                    indices(force_mode), indices(summed), indices(kept_mode)};
+                for (size_t rows : {closed.shape(0), unit.shape(0), force_mode.shape(0)}) require_size("forces", rows, pull.shape(0));
+                require_size("a gap", closed.shape(1), n);
+                require_size("nodes", kept_mode.shape(0), nodes);
+                require_size("nodes", summed.shape(0), count);
+                bool sums = false;
+                for (int i = 0; i < count; ++i) {
+                    if (events.summed[i] != 1) continue;
+                    sums = true;
+                    if (SMOOTH || events.side[i] == 0.0 || restitution.data()[i] < 0 || std::get<1>(closure) == 0.0)
+                        throw nb::value_error("a chatter is of impacts that rebound, in linear flights with a clock");
+                }
+                require_indices("flight", events.force_mode, 0, int(modes.size()));
+                require_indices("flight", events.kept, 0, int(modes.size()));
+                if (!std::is_sorted(events.force_mode.begin(), events.force_mode.end()))
+                    throw nb::value_error("the forces of a contact mode follow each other");
+                require_indices("flight", events.mode, 0, int(modes.size()));
+                require_indices("contact force", events.release, -1, int(pull.shape(0)));
+                require_indices("bound", events.bound, -1, all);
+                require_indices("restitution", events.restitution, -1, all);
+                for (int i = 0; i < nodes; ++i) {
+                    const bool at_stop = has_ends && i + 2 >= nodes && End(i + 1 == nodes ? start : finish) == End::STOP;
+                    if ((at_stop || events.side[i] != 0.0) && events.bound[i] < 0) throw nb::value_error("an impact needs a bound");
+                }
+                require_size("places of loads", places.shape(0), 4);
+                const int harmonics = modes[0].harmonics(), harmonic = harmonics - (harmonics > 0 && modes[0].harmonic(0) == 0.0);
+                const int64_t* at = places.data();
+                if (at[0] < 0 || at[0] + n > all || at[1] < 0 || at[1] + harmonic * n > all || at[2] < 0 ||
+                    at[2] + harmonic * n > all || at[3] < 0 || at[3] >= all)
+                    throw nb::value_error("the loads are outside the entries");
+                const int names = int(values.shape(0));
+                const auto make = [](auto& parts, int known) {
+                    return formulas(known, std::get<0>(parts), std::get<1>(parts), std::get<2>(parts));
+                };
+                Parameters parameters{make(program, names), indices(rows), own(values), indices(released), own(entries),
+                                      int(at[0]), int(at[1]), int(at[2]), int(at[3]), make(kept, is_free ? names + 2 : names), {}, varies, undamped};
+                if (is_free || varies || SMOOTH) require_size("matrices", std::min(3 * n * n, all), 3 * n * n);
+                if ((sums || (!SMOOTH && !modes_at.is_none())) && !varies)
+                    throw nb::value_error("chatter and contact modes that vary are computed from the masses");
+                if (undamped && (SMOOTH || sums || modes.size() != 1 || !varies || !modes_at.is_none()))
+                    throw nb::value_error("undamped modes are those of one free flight");
+                if constexpr (SMOOTH) require_size("parameters of the forces", modes[0].parameters(), released.shape(0));
+                else if (!modes_at.is_none()) parameters.modes = modes_of(std::move(modes_at), int(modes.size()), modes[0]);
+                require_size("rows of the program", parameters.rows.size(), parameters.program.outputs.size());
+                require_indices("entry", parameters.rows, 0, all);
+                require_indices("parameter", parameters.released, 0, names);
+                require_size("kept equations", parameters.kept.outputs.size() + !is_free, parameters.released.size());
+                require_size("units", units.shape(0), size + 1 + released.shape(0));
+                auto& [gaps, lower, upper, stop, force, opens] = watched;
+                ForcedWatch watch{own(gaps), indices(lower), indices(upper), indices(stop), {}, indices(opens)};
+                const int stops = watch.stops();
+                require_size("a gap", gaps.shape(1), size);
+                require_size("bounds", watch.lower.size(), stops);
+                require_size("bounds", watch.upper.size(), stops);
+                require_size("nodes", watch.stop.size(), count);
+                require_size("nodes", watch.opens.size(), count);
+                require_size("flights", force.shape(0), modes.size());
+                require_size("stops", force.shape(1), stops);
+                watch.force = Array<int>(int(modes.size()), stops, 0);
+                for (size_t k = 0; k < force.size(); ++k) watch.force.data()[k] = int(force.data()[k]);
+                require_indices("bound", watch.lower, 0, all);
+                require_indices("bound", watch.upper, 0, all);
+                require_indices("stop", watch.stop, -1, stops);
+                require_indices("flight", watch.opens, -1, int(modes.size()));
+                require_indices("contact force", {watch.force.data(), watch.force.data() + force.size()}, -1, int(pull.shape(0)));
+                parts.parameters = std::move(parameters);
+                parts.events = std::move(events);
+                parts.closure = {std::get<0>(closure), std::get<1>(closure), std::get<2>(closure), is_free, unfolds, quarters,
+                                 End(start), End(finish), own(ends)};
+                parts.units = own(units);
+                parts.watch = std::move(watch);
+                new (self) BoundForced(std::move(parts), general);
+            },
+            nb::arg("modes"), nb::arg("mode"), nb::arg("release"), nb::arg("bound"), nb::arg("restitution"),
+            nb::arg("side"), nb::arg("gap"), nb::arg("rate"), nb::arg("push"), nb::arg("pull"), nb::arg("reach"),
+            nb::arg("closed"), nb::arg("unit"), nb::arg("force_mode"), nb::arg("kept_mode"), nb::arg("summed"), nb::arg("closure"), nb::arg("free"),
+            nb::arg("ends"), nb::arg("values"), nb::arg("released"), nb::arg("entries"), nb::arg("rows"),
+            nb::arg("places"), nb::arg("program"), nb::arg("kept"), nb::arg("units"), nb::arg("watched"), nb::arg("varies"), nb::arg("undamped"), nb::arg("modes_at") = nb::none(),
+            nb::arg("general") = false,
+            "varies: whether masses, dampers or springs vary, or have to be known for a chatter; modes_at: where they vary, of linear flights, a function of all parameters and entries that gives the flights of the "
+            "contact modes; none where the system cannot have them. general: take what is compiled for any number of states and parameters.");
 }
 
 }  // namespace
@@ -100,119 +243,44 @@ void bind_forced(nb::module_& m) {
             nb::arg("durations"),
             "State at the end, its derivatives (N, N) by the begin, and rows of those by the instants of begin and end and "
             "by m parameters. base (1 + m,), forces ((1 + m) 2 H, n): frequency and forces, then their derivatives.");
-    nb::class_<BoundForced, BoundAny>(m, "ForcedProblem", "The multipoint problem of an orbit under periodic loads, equation (39).")
+    nb::class_<SmoothLoadedFlight>(m, "SmoothLoadedFlight", "Flights with smooth forces under periodic loads.")
         .def(
             "__init__",
-            [](BoundForced* self, std::vector<Flight> modes, InIndices mode, InIndices release, InIndices bound,
-               InIndices restitution, InVector side, InMatrix gap, InMatrix rate, InMatrix push, InMatrix pull,
-               InMatrix reach, InMatrix closed, InVector unit, InIndices force_mode, InIndices kept_mode, std::tuple<double, double, double> closure,
-               std::tuple<bool, bool, int, int, int> free, InMatrix ends, InVector values, InIndices released,
-               InVector entries, InIndices rows, InIndices places, std::tuple<InPairs, InVector, InIndices> program,
-               std::tuple<InPairs, InVector, InIndices> kept, InVector units,
-               std::tuple<InMatrix, InIndices, InIndices, InIndices, InPairs, InIndices> watched, nb::object modes_at, bool general) {
-                if (modes.empty()) throw nb::value_error("a forced problem has a flight");
-                const int size = modes[0].size(), count = int(mode.shape(0)), n = size / 2, all = int(entries.shape(0));
-                for (const Flight& flight : modes) {
-                    require_size("a flight's states", flight.size(), size);
-                    require_size("harmonics", flight.harmonics(), modes[0].harmonics());
-                }
-                if (count < 1) throw nb::value_error("an orbit has a flight");
-                const auto [is_free, unfolds, quarters, start, finish] = free;
-                for (int end : {start, finish})
-                    if (end < 0 || end > int(End::PERIODIC)) throw nb::value_error("unknown kind of end");
-                if (quarters != 1 && quarters != 2 && quarters != 4)
-                    throw nb::value_error("flights last one, two or four quarter periods");
-                const bool has_ends = ends.shape(0) > 0;
-                require_size("conditions of ends", ends.shape(0), has_ends ? size : 0);
-                require_size("a condition", ends.shape(1), size);
-                if (has_ends != (End(start) != End::PERIODIC) || has_ends != (End(finish) != End::PERIODIC))
-                    throw nb::value_error("an orbit is periodic at both ends, or at none");
-                if ((unfolds || has_ends) != is_free || (unfolds && has_ends))
-                    throw nb::value_error("a free orbit closes with a kick, or has two ends");
-                if (is_free && (std::get<1>(closure) != 0.0 || modes.size() > 1))
-                    throw nb::value_error("a free orbit has no clock, and no stop that sticks");
-                const int nodes = count + has_ends;
-                require_size("nodes", release.shape(0), count);
-                for (const InIndices* part : {&bound, &restitution}) require_size("nodes", part->shape(0), nodes);
-                require_size("nodes", side.shape(0), nodes);
-                for (const InMatrix* part : {&gap, &rate, &push}) {
-                    require_size("nodes", part->shape(0), nodes);
-                    require_size("a row", part->shape(1), size);
-                }
-                require_size("a force's row", pull.shape(1), size);
-                require_size("a force's loads", reach.shape(1), n);
-                require_size("forces", reach.shape(0), pull.shape(0));
-                ForcedEvents events{indices(mode), indices(release), indices(bound), indices(restitution), own(side),
-                                    own(gap), own(rate), own(push), own(pull), own(reach), own(closed), own(unit),
-                                    indices(force_mode), indices(kept_mode)};
-                for (size_t rows : {closed.shape(0), unit.shape(0), force_mode.shape(0)}) require_size("forces", rows, pull.shape(0));
-                require_size("a gap", closed.shape(1), n);
-                require_size("nodes", kept_mode.shape(0), nodes);
-                require_indices("flight", events.force_mode, 0, int(modes.size()));
-                require_indices("flight", events.kept, 0, int(modes.size()));
-                if (!std::is_sorted(events.force_mode.begin(), events.force_mode.end()))
-                    throw nb::value_error("the forces of a contact mode follow each other");
-                require_indices("flight", events.mode, 0, int(modes.size()));
-                require_indices("contact force", events.release, -1, int(pull.shape(0)));
-                require_indices("bound", events.bound, -1, all);
-                require_indices("restitution", events.restitution, -1, all);
-                for (int i = 0; i < nodes; ++i) {
-                    const bool at_stop = has_ends && i + 2 >= nodes && End(i + 1 == nodes ? start : finish) == End::STOP;
-                    if ((at_stop || events.side[i] != 0.0) && events.bound[i] < 0) throw nb::value_error("an impact needs a bound");
-                }
-                require_size("places of loads", places.shape(0), 4);
-                const int harmonics = modes[0].harmonics(), harmonic = harmonics - (harmonics > 0 && modes[0].harmonic(0) == 0.0);
-                const int64_t* at = places.data();
-                if (at[0] < 0 || at[0] + n > all || at[1] < 0 || at[1] + harmonic * n > all || at[2] < 0 ||
-                    at[2] + harmonic * n > all || at[3] < 0 || at[3] >= all)
-                    throw nb::value_error("the loads are outside the entries");
-                const int names = int(values.shape(0));
-                const auto make = [](auto& parts, int known) {
-                    return formulas(known, std::get<0>(parts), std::get<1>(parts), std::get<2>(parts));
-                };
-                Parameters parameters{make(program, names), indices(rows), own(values), indices(released), own(entries),
-                                      int(at[0]), int(at[1]), int(at[2]), int(at[3]), make(kept, is_free ? names + 2 : names), {}};
-                if (is_free || !modes_at.is_none()) require_size("matrices", std::min(3 * n * n, all), 3 * n * n);
-                if (!modes_at.is_none()) {
-                    parameters.modes = modes_of(std::move(modes_at), int(modes.size()), modes[0]);
-                }
-                require_size("rows of the program", parameters.rows.size(), parameters.program.outputs.size());
-                require_indices("entry", parameters.rows, 0, all);
-                require_indices("parameter", parameters.released, 0, names);
-                require_size("kept equations", parameters.kept.outputs.size() + !is_free, parameters.released.size());
-                require_size("units", units.shape(0), size + 1 + released.shape(0));
-                auto& [gaps, lower, upper, stop, force, opens] = watched;
-                ForcedWatch watch{own(gaps), indices(lower), indices(upper), indices(stop), {}, indices(opens)};
-                const int stops = watch.stops();
-                require_size("a gap", gaps.shape(1), size);
-                require_size("bounds", watch.lower.size(), stops);
-                require_size("bounds", watch.upper.size(), stops);
-                require_size("nodes", watch.stop.size(), count);
-                require_size("nodes", watch.opens.size(), count);
-                require_size("flights", force.shape(0), modes.size());
-                require_size("stops", force.shape(1), stops);
-                watch.force = Array<int>(int(modes.size()), stops, 0);
-                for (size_t k = 0; k < force.size(); ++k) watch.force.data()[k] = int(force.data()[k]);
-                require_indices("bound", watch.lower, 0, all);
-                require_indices("bound", watch.upper, 0, all);
-                require_indices("stop", watch.stop, -1, stops);
-                require_indices("flight", watch.opens, -1, int(modes.size()));
-                require_indices("contact force", {watch.force.data(), watch.force.data() + force.size()}, -1, int(pull.shape(0)));
-                new (self) BoundForced({std::move(modes), std::move(parameters), std::move(events),
-                                        {std::get<0>(closure), std::get<1>(closure), std::get<2>(closure), is_free, unfolds,
-                                         quarters, End(start), End(finish), own(ends)},
-                                        own(units),
-                                        std::move(watch)},
-                                       general);
+            [](SmoothLoadedFlight* self, InMatrix inputs, InMatrix directions, InPairs code, InVector numbers,
+               InIndices forces, InPairs slopes, int registers, int parameters, std::tuple<InPairs, InVector, InIndices> varied,
+               std::tuple<InPairs, InVector, InIndices> potential, InVector harmonics, int most_steps, int keep) {
+                const int count = int(inputs.shape(0));
+                if (inputs.shape(1) == 0 || inputs.shape(1) % 2) throw nb::value_error("a state has as many velocities as displacements");
+                require_size("a direction", directions.shape(1), inputs.shape(1) / 2);
+                require_size("the forces", forces.shape(0), directions.shape(0));
+                require_flights(keep, most_steps);
+                require_registers(registers, count);
+                if (parameters < 0 || parameters > 1000) throw nb::value_error("there are from 0 to 1000 parameters");
+                ForceProgram program = force_program(count, code, numbers, forces, slopes, registers);
+                Formulas of_numbers = formulas(parameters, std::get<0>(varied), std::get<1>(varied), std::get<2>(varied));
+                require_size("numbers of the forces", of_numbers.outputs.size(), program.numbers.size());
+                new (self) SmoothLoadedFlight(own(inputs), own(directions), std::move(program), std::move(of_numbers),
+                                              formulas(count + parameters, std::get<0>(potential), std::get<1>(potential),
+                                                       std::get<2>(potential)),
+                                              own(harmonics), most_steps, keep);
             },
-            nb::arg("modes"), nb::arg("mode"), nb::arg("release"), nb::arg("bound"), nb::arg("restitution"),
-            nb::arg("side"), nb::arg("gap"), nb::arg("rate"), nb::arg("push"), nb::arg("pull"), nb::arg("reach"),
-            nb::arg("closed"), nb::arg("unit"), nb::arg("force_mode"), nb::arg("kept_mode"), nb::arg("closure"), nb::arg("free"),
-            nb::arg("ends"), nb::arg("values"), nb::arg("released"), nb::arg("entries"), nb::arg("rows"),
-            nb::arg("places"), nb::arg("program"), nb::arg("kept"), nb::arg("units"), nb::arg("watched"), nb::arg("modes_at") = nb::none(),
-            nb::arg("general") = false,
-            "modes_at: where masses, dampers or springs vary, a function of all parameters and entries that gives the flights of the "
-            "contact modes; none where the system cannot have them. general: take what is compiled for any number of states and parameters.")
+            nb::arg("inputs"), nb::arg("directions"), nb::arg("code"), nb::arg("numbers"), nb::arg("forces"), nb::arg("slopes"),
+            nb::arg("registers"), nb::arg("parameters"), nb::arg("varied"), nb::arg("potential"), nb::arg("harmonics"),
+            nb::arg("most_steps"), nb::arg("keep"),
+            "varied: the program of its numbers, of the released parameters.");
+    nb::class_<BoundForced, BoundAny> problem(m, "ForcedProblem", "The multipoint problem of an orbit under periodic loads, equation (39).");
+    define_constructor<std::vector<Flight>>(problem);
+    define_constructor<SmoothLoadedFlight>(problem);
+    problem
+        .def(
+            "starts",
+            [](BoundForced& self, InVector y) {
+                require_size("unknowns", y.shape(0), self.unknowns());
+                NewMatrix out = new_matrix(self.problem->inner() + 1, self.problem->size() + 1);
+                self.problem->starts(view(y), Matrix<double>(out.data(), self.problem->inner() + 1, self.problem->size() + 1));
+                return out;
+            },
+            nb::arg("y"), "The state at the begin of each flight, behind a chatter, and the time.")
         .def(
             "multipliers",
             [](BoundForced& self, InVector y) {

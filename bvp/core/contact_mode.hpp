@@ -35,11 +35,9 @@ struct ContactMode {
     Array<T> pull, reach;  // (k, N), (k, n): contact forces of unit states, with the other sign, and of unit forces
 
     /// entries: M, C and K (n, n) come first. gaps (k, n), units (k,): of the stops that stick, and of their forces.
-    template <int N>
-    void set(const LoadedFlight<N>& flight, Vector<const T> entries, Matrix<const double> gaps, Values units) {
+    void set(Vector<const T> entries, Matrix<const double> gaps, Values units) {
         const int n = gaps.columns(), size = 2 * n, count = gaps.rows();
-        const auto matrix = [&](int part) { return Matrix<const T>(entries.data() + part * n * n, n, n); };
-        const Matrix<const T> mass = matrix(0), damping = matrix(1), stiffness = matrix(2);
+        const Matrix<const T> mass = part(entries, n, 0), damping = part(entries, n, 1), stiffness = part(entries, n, 2);
         inverse = Array<T>(n, n);
         std::copy_n(mass.data(), n * n, inverse.data());
         invert(inverse);
@@ -51,33 +49,41 @@ struct ContactMode {
                     pull(k, c) += reach(k, r) * stiffness(r, c);
                     pull(k, n + c) += reach(k, r) * damping(r, c);
                 }
-        if constexpr (DEPTH<T> > 0) {
-            const auto small = [](const T& x) { return x - T(value(x)); };
-            drive = Array<T>(size, n), change = Array<T>(size, size);
-            for (int q = 0; q < size; ++q)
-                for (int c = 0; c < n; ++c)
-                    for (int r = 0; r < n; ++r)
-                        if (flight.enter()(q, n + r) != 0.0) drive(q, c) += flight.enter()(q, n + r) * inverse(r, c);
-            // leave_v B: the accelerations of unit coordinates. Forces of dampers, which nearly cancel in slow motion, do not
-            // enter.
-            Array<> moved(n, size);
-            for (int r = 0; r < n; ++r)
-                for (int q = 0; q < size; ++q)
-                    for (int c = 0; c < size; ++c) moved(r, c) += flight.leave()(n + r, q) * flight.free().matrix()(q, c);
-            Array<T> force(n, size);
-            for (int r = 0; r < n; ++r)
-                for (int c = 0; c < n; ++c) {
-                    const T m = small(mass(r, c)), d = small(damping(r, c)), k = small(stiffness(r, c));
-                    for (int q = 0; q < size; ++q)
-                        force(r, q) -= m * moved(c, q) + k * flight.leave()(c, q) + d * flight.leave()(n + c, q);
-                }
-            for (int q = 0; q < size; ++q)
+    }
+
+    /// Set what the coordinates of a flight feel, after `set`.
+    template <int N>
+    void set_change(const LoadedFlight<N>& flight, Vector<const T> entries) {
+        const int size = flight.size(), n = size / 2;
+        const Matrix<const T> mass = part(entries, n, 0), damping = part(entries, n, 1), stiffness = part(entries, n, 2);
+        const auto small = [](const T& x) { return x - T(value(x)); };
+        drive = Array<T>(size, n), change = Array<T>(size, size);
+        for (int q = 0; q < size; ++q)
+            for (int c = 0; c < n; ++c)
                 for (int r = 0; r < n; ++r)
-                    for (int c = 0; c < size; ++c) change(q, c) += drive(q, r) * force(r, c);
-        }
+                    if (flight.enter()(q, n + r) != 0.0) drive(q, c) += flight.enter()(q, n + r) * inverse(r, c);
+        // leave_v B: the accelerations of unit coordinates. Forces of dampers, which nearly cancel in slow motion, do not
+        // enter.
+        Array<> moved(n, size);
+        for (int r = 0; r < n; ++r)
+            for (int q = 0; q < size; ++q)
+                for (int c = 0; c < size; ++c) moved(r, c) += flight.leave()(n + r, q) * flight.free().matrix()(q, c);
+        Array<T> force(n, size);
+        for (int r = 0; r < n; ++r)
+            for (int c = 0; c < n; ++c) {
+                const T m = small(mass(r, c)), d = small(damping(r, c)), k = small(stiffness(r, c));
+                for (int q = 0; q < size; ++q)
+                    force(r, q) -= m * moved(c, q) + k * flight.leave()(c, q) + d * flight.leave()(n + c, q);
+            }
+        for (int q = 0; q < size; ++q)
+            for (int r = 0; r < n; ++r)
+                for (int c = 0; c < size; ++c) change(q, c) += drive(q, r) * force(r, c);
     }
 
 private:
+    /// M, C or K among the entries.
+    static Matrix<const T> part(Vector<const T> entries, int n, int which) { return {entries.data() + which * n * n, n, n}; }
+
     /// Take from the inverse mass what gaps that stick hold: U = M^-1 c' (c M^-1 c')^-1, P = 1 - U c.
     void project(Matrix<const double> gaps, Values units) {
         const int n = gaps.columns(), count = gaps.rows();

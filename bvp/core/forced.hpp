@@ -8,7 +8,8 @@
 ///
 /// Of half a period, -z_0 and c_0 + 1/2 take the places of z_0 and c_0 + 1. At a release the contact force, equation
 /// (43), takes the place of the gap. Without impacts c_0 = 0 takes the place of the last gap, and flights of equal time
-/// that of the others. Without harmonic loads there is no clock: the flight times t_i are unknowns in place of c_i.
+/// that of the others. A node that begins a chatter, equation (44), is that before its first impact: the chatter is a part of
+/// the flight that follows. Without harmonic loads there is no clock: the flight times t_i are unknowns in place of c_i.
 ///
 /// Free orbits, equation (41), have no loads and no clock. The user's equations can name their energy H and quarter
 /// period, and there are as many as released parameters. A closed one has the unknown xi before the parameters, and
@@ -23,8 +24,11 @@
 #include "contact_mode.hpp"
 #include "elimination.hpp"
 #include "loaded_flight.hpp"
+#include "modes.hpp"
 #include "problem.hpp"
 #include "program.hpp"
+#include "smooth_loaded_flight.hpp"
+#include "summed_chatter.hpp"
 
 namespace saltus {
 
@@ -41,6 +45,8 @@ struct Parameters {
     /// Where masses, dampers or springs vary: the contact modes at values of all parameters, and all entries there. None
     /// where the system cannot have them.
     std::function<std::vector<LoadedFlight<>>(Values parameters, Values entries)> modes;
+    bool varies = false;           // whether they do
+    bool undamped = false;         // whether there are no dampers, and no stop sticks: the modes then need no function
 };
 
 /// The events of an orbit, in order of time from the second one on: node i is that at the end of flight i.
@@ -56,6 +62,7 @@ struct ForcedEvents {
     Array<> closed;                // (F, n) the gaps of these stops
     std::vector<double> unit;      // (F,) of the forces, with the side of the stop as its sign
     std::vector<int> force_mode;   // (F,) the contact mode in which each acts, in ascending order
+    std::vector<int> summed;       // (k + 1,) 1: the impact of a node begins a chatter
     std::vector<int> kept;         // of each of them, the contact mode in which the impulse of a node acts
     int nodes() const { return int(mode.size()); }
 };
@@ -72,18 +79,20 @@ struct ForcedClosure {
     Array<> ends;                                     // (N, N) rows of the conditions at the start, then at the far end; else (0, N)
 };
 
-/// Orbits of N states in P released parameters; both may be DYNAMIC.
-template <int N = DYNAMIC, int P = DYNAMIC>
+/// Orbits in P released parameters, which may be DYNAMIC. Flight: `LoadedFlight`, or `SmoothLoadedFlight`.
+template <class Flight, int P = DYNAMIC>
 class ForcedProblem {
 public:
-    static constexpr int SIZE = N;
+    static constexpr int N = Flight::SIZE, SIZE = N;
     static constexpr int ROWS = N == DYNAMIC || P == DYNAMIC ? DYNAMIC : N + 1 + P;
-    using FlightType = LoadedFlight<N>;
+    static constexpr bool SMOOTH = Flight::is_series();
+    using FlightType = Flight;
     using First = Jet<double, 1>;
+    using Bundle = Jet<double, 8>;
     template <class T = double>
     using State = Local<T, N>;
 
-    using Flights = std::shared_ptr<const std::vector<LoadedFlight<N>>>;
+    using Flights = std::shared_ptr<const std::vector<Flight>>;
 
     /// What is known of a system at values of the released parameters.
     template <class T>
@@ -91,19 +100,19 @@ public:
         std::vector<T> parameters, entries;
         T cycle;                        // T
         Array<T> forces;                // (2 H, n) by cos and by sin
-        std::vector<Drive<T>> drives;   // of each contact mode
+        std::vector<typename Flight::template DriveOf<T>> drives;  // of each contact mode
         Flights flights;                // of each contact mode
-        std::vector<ContactMode<T>> modes;  // where masses, dampers or springs vary; then also
-        Array<T> push, pull, reach;     // (k + 1, N), (F, N), (F, n)
+        std::vector<ContactMode<T>> modes;  // where masses, dampers or springs vary, and with smooth forces; then also
+        Array<T> push, pull, reach;         // (k + 1, N), (F, N), (F, n)
     };
 
     /// The time of a node comes first: then reflections of the elimination are short.
     ///
     /// units (N + 1 + P,): a unit of arclength for each entry of a state, for the time, and for each parameter; 0: a
     /// unit of its logarithm.
-    ForcedProblem(std::vector<LoadedFlight<N>> modes, Parameters parameters, ForcedEvents events, ForcedClosure closure,
+    ForcedProblem(std::vector<Flight> modes, Parameters parameters, ForcedEvents events, ForcedClosure closure,
                   std::vector<double> units)
-        : modes_(std::make_shared<const std::vector<LoadedFlight<N>>>(std::move(modes))), parameters_(std::move(parameters)), events_(std::move(events)), closure_(closure),
+        : modes_(std::make_shared<const std::vector<Flight>>(std::move(modes))), parameters_(std::move(parameters)), events_(std::move(events)), closure_(closure),
           units_(std::move(units)) {}
 
     constexpr int size() const {
@@ -128,19 +137,22 @@ public:
     const ForcedClosure& closure() const { return closure_; }
     const ForcedEvents& events() const { return events_; }
     /// Whether masses, dampers or springs vary.
-    bool varies() const { return bool(parameters_.modes); }
+    bool varies() const { return parameters_.varies; }
+    /// Whether contact modes vary with them.
+    bool moves() const { return parameters_.undamped || parameters_.modes; }
     template <class T>
-    const LoadedFlight<N>& flight(int i, const Setting<T>& at) const {
+    const Flight& flight(int i, const Setting<T>& at) const {
         return (*at.flights)[events_.mode[i]];
     }
     template <class T>
-    const LoadedFlight<N>& mode(int f, const Setting<T>& at) const {
+    const Flight& mode(int f, const Setting<T>& at) const {
         return (*at.flights)[f];
     }
     int modes() const { return int(modes_->size()); }
     Values push(int i, const Setting<double>& at) const { return varies() ? at.push[i] : events_.push[i]; }
     Values pull(int row, const Setting<double>& at) const { return varies() ? at.pull[row] : events_.pull[row]; }
     Values reach(int row, const Setting<double>& at) const { return varies() ? at.reach[row] : events_.reach[row]; }
+    int frequency() const { return parameters_.frequency; }
     Values units() const { return units_; }
     /// Coordinates of arclength.
     int coordinates() const { return rows() + released() + 1; }
@@ -149,7 +161,10 @@ public:
     int begin(int i) const { return i * rows() + 1; }
     int unfolding() const { return (inner() + 1) * rows(); }
     int parameter(int j) const { return unfolding() + closure_.unfolds + j; }
+    int before(int i) const { return i > 0 ? i - 1 : inner(); }
     bool hits(int i) const { return events_.side[i] != 0.0; }
+    /// Whether the impact at the end of flight i begins a chatter.
+    bool is_summed(int i) const { return i <= inner() && events_.summed[i] == 1; }
     /// Whether nothing is asked of the state of node i.
     bool is_cut(int i) const { return events_.bound[i] < 0 && events_.release[i] < 0; }
     /// Whether impact i has a rebound that is known by an entry.
@@ -179,13 +194,19 @@ public:
                                          : (part == 0 ? parameters_.cosine : parameters_.sine) + (h - constant) * n;
                 for (int c = 0; c < n; ++c) out.forces(2 * h + part, c) = steady && part == 1 ? T(0.0) : out.entries[first + c];
             }
-        out.flights = !varies() ? modes_ : known ? known : flights_at(out);
-        if (varies()) vary(out);
+        out.flights = modes_;
+        if constexpr (!SMOOTH)
+            if (moves()) out.flights = known ? known : flights_at(out);
+        if (varies() || SMOOTH) vary(out);
         for (int f = 0; f < modes(); ++f) {
-            const auto& flight = (*out.flights)[f];
+            const Flight& flight = (*out.flights)[f];
             const Matrix<const T> forces(out.forces);
-            if (varies() && DEPTH<T> > 0) {
-                const auto& mode = out.modes[f];
+            const Vector<const T> entries(out.entries);
+            if constexpr (SMOOTH) {
+                flight.set(base, forces, entries, out.modes[f].inverse, p, out.drives[f]);
+            } else if (moves() && JET_DEPTH<T> > 0) {
+                auto& mode = out.modes[f];
+                mode.set_change(flight, entries);
                 flight.set(base, forces, Matrix<const T>(mode.drive), Matrix<const T>(mode.change), out.drives[f]);
             } else {
                 flight.set(base, forces, out.drives[f]);
@@ -235,7 +256,11 @@ public:
         return total;
     }
 
-    /// Entry r of grad H of a free orbit at its state z. M and K are the first and third of the entries.
+    /// The first entry of the state that xi changes: with smooth forces a kick along the momentum alone, for the same reason.
+    int first_kicked() const { return SMOOTH ? size() / 2 : 0; }
+
+    /// Entry r of grad H of a free orbit at its state z, without smooth forces. M and K are the first and third of the
+    /// entries.
     template <class T, class Z>
     auto energy_slope(const std::vector<T>& entries, const Z& z, int r) const {
         const int n = size() / 2, first = r < n ? 2 * n * n + r * n : (r - n) * n, from = r < n ? 0 : n;
@@ -244,10 +269,26 @@ public:
         return total;
     }
     template <class T, class Z>
-    auto energy(const std::vector<T>& entries, const Z& z) const {
-        auto total = 0.5 * energy_slope(entries, z, 0) * z[0];
-        for (int r = 1; r < size(); ++r) total += 0.5 * energy_slope(entries, z, r) * z[r];
+    auto energy(const Setting<T>& at, const Z& z) const {
+        auto total = 0.5 * energy_slope(at.entries, z, 0) * z[0];
+        for (int r = 1; r < size(); ++r) total += 0.5 * energy_slope(at.entries, z, r) * z[r];
+        if constexpr (SMOOTH) {
+            using Number = decltype(total);
+            std::vector<Number> p;
+            for (int j : parameters_.released) p.push_back(Number(at.parameters[j]));
+            total += (*modes_)[0].template potential<Number>(z, Vector<const Number>(p));
+        }
         return total;
+    }
+    /// Entry r of grad H.
+    double energy_rate(const Setting<double>& at, Values z, int r) const {
+        if constexpr (SMOOTH) {
+            std::vector<First> moved(z.begin(), z.end());
+            moved[r].slopes[0] = 1.0;
+            return energy(at, moved).slopes[0];
+        } else {
+            return energy_slope(at.entries, z, r);
+        }
     }
 
     /// F(y), (u - 1,), in any number type.
@@ -258,9 +299,20 @@ public:
         set(Vector<const T>(&y[parameter(0)], released()), at);
         Array<T> before(inner() + 1, size()), turns(inner() + 2, 2 * harmonics());
         for (int i = 0; i <= inner() + 1; ++i) oscillators(clock(y, i), turns[i]);
-        for (int i = 0; i <= inner(); ++i)
-            flight(i, at).end(at.drives[events_.mode[i]], Vector<const T>(&y[begin(i)], size()), duration(y, i, at.cycle), turns[i],
-                          turns[i + 1], before[i]);
+        for (int i = 0; i <= inner(); ++i) {
+            const auto& drive = at.drives[events_.mode[i]];
+            if (!is_summed(this->before(i))) {
+                flight(i, at).end(drive, Vector<const T>(&y[begin(i)], size()), duration(y, i, at.cycle), turns[i], turns[i + 1],
+                                  before[i]);
+                continue;
+            }
+            std::vector<T> start(&y[begin(i)], &y[begin(i)] + size()), turned(2 * harmonics());
+            T c = clock(y, i);
+            sum_chatter(i, at, start, c);
+            oscillators(c, turned);
+            flight(i, at).end(drive, Vector<const T>(start), T((clock(y, i + 1) - c) * at.cycle), Vector<T>(turned), turns[i + 1],
+                              before[i]);
+        }
         equations(y, at, before, turns, out);
     }
 
@@ -281,7 +333,7 @@ public:
             else out[row + size()] = place(i, at, Vector<const T>(&y[next], size()), sign, turns[i + 1]);
             // Equation (41).
             if (i == inner() && closure_.unfolds)
-                for (int r = 0; r < size(); ++r) out[row + r] += y[unfolding()] * energy_slope(at.entries, &y[next], r);
+                for (int r = first_kicked(); r < size(); ++r) out[row + r] += y[unfolding()] * energy_slope(at.entries, &y[next], r);
         }
         each_kept(at, y, [&](int e, const T& entry) { out[inner() * rows() + closures() + e] = entry; });
     }
@@ -291,7 +343,7 @@ public:
     void each_kept(const Setting<T>& at, const Y& y, Take&& take) const {
         if (!is_free()) return parameters_.kept.evaluate<T>(at.parameters, take);
         std::vector<T> known(at.parameters);
-        known.push_back(energy(at.entries, &y[begin(0)]));
+        known.push_back(T(energy(at, &y[begin(0)])));
         known.push_back(T(total_time(y) / double(closure_.quarters)));
         parameters_.kept.evaluate<T>(known, take);
     }
@@ -318,7 +370,7 @@ public:
     template <class T, class Z, class Out>
     void land(int i, const Setting<T>& at, const Z& before, Out* out) const {
         const Vector<Out> to(out, size());
-        if (!hits(i)) return copy(before, to);
+        if (!hits(i) || is_summed(i)) return copy(before, to);
         if (varies()) apply_impact(events_.rate[i], at.push[i], rebound(i, at), before, to);
         else apply_impact(events_.rate[i], events_.push[i], rebound(i, at), before, to);
     }
@@ -348,12 +400,17 @@ public:
             : before(problem.inner() + 1, problem.size()),
               maps(problem.inner() + 1, problem.size() * problem.size()),
               columns(problem.inner() + 1, (2 + problem.released()) * problem.size()),
-              turns(problem.inner() + 2, 2 * problem.harmonics()), landed(2 + problem.released(), problem.size()),
+              turns(problem.inner() + 2, 2 * problem.harmonics()), starts(problem.inner() + 1, problem.size()),
+              begins(problem.inner() + 1, 2 * problem.harmonics()), landed(2 + problem.released(), problem.size()),
+              durations(problem.inner() + 1), lasted(problem.inner() + 1), errors(problem.inner() + 1),
               slopes(problem.released()) {}
         Array<> before, maps, columns, turns;  // see `LoadedFlight::end`
+        Array<> starts, begins;                // behind a chatter: states and oscillators
         Array<> landed;                        // columns behind an event
+        std::vector<double> durations, lasted, errors;  // of flights; of the chatter before each, as a part of the period; of its end
         Setting<double> at;
         std::vector<Setting<First>> slopes;    // along each parameter
+        Setting<Bundle> bundle;                // along several unknowns of a chatter
         std::vector<typename FlightType::Slope> along;
     };
 
@@ -371,12 +428,19 @@ public:
         for (int i = 0; i <= inner(); ++i) {
             flown.along.clear();
             const int mode = events_.mode[i];
-            const double lasting = clock(y, i + 1) - clock(y, i);
+            double begun = clock(y, i);
+            copy(y.subspan(begin(i), size()), flown.starts[i]);
+            copy(flown.turns[i], flown.begins[i]);
+            const bool chatters = is_summed(before(i));
+            Array<> lead;
+            if (chatters) begun = sum_chatter(i, y, flown, lead);
+            const double lasting = clock(y, i + 1) - begun;
+            flown.durations[i] = has_clock() ? lasting * flown.at.cycle : y[time(i)];
             for (const auto& slope : flown.slopes) flown.along.push_back({&slope.drives[mode], lasting * slope.cycle.slopes[0]});
-            flight(i, flown.at).end(flown.at.drives[mode], flown.along, y.subspan(begin(i), size()), duration(y, i, flown.at.cycle),
-                          flown.turns[i], flown.turns[i + 1], flown.before[i],
-                          Matrix<double>(flown.maps[i].data(), size(), size()),
+            flight(i, flown.at).end(flown.at.drives[mode], flown.along, flown.starts[i], flown.durations[i], flown.begins[i], flown.turns[i + 1],
+                          flown.before[i], Matrix<double>(flown.maps[i].data(), size(), size()),
                           Matrix<double>(flown.columns[i].data(), 2 + released(), size()));
+            if (chatters) compose(i, lead, flown);
         }
         equations(y, flown.at, flown.before, flown.turns, out);
     }
@@ -395,7 +459,7 @@ public:
         for (int j = 0; j < released(); ++j) scale[parameter(j)] = hypot(units_[rows() + j], y[parameter(j)]);
         if (closure_.unfolds) {
             double kick = 0.0;
-            for (int r = 0; r < size(); ++r)
+            for (int r = first_kicked(); r < size(); ++r)
                 kick = std::max(kick, std::fabs(energy_slope(flown.at.entries, &y[begin(0)], r)) / scale[begin(0) + r]);
             scale[unfolding()] = kick > 0.0 ? 1.0 / kick : 1.0;
         }
@@ -412,7 +476,7 @@ public:
                 found.velocity = larger(found.velocity, y[begin(i) + half + r], flown.before(i, half + r));
                 if (hits(i)) bend = larger(bend, flown.columns(i, size() + half + r), 0.0);
             }
-            found.longest = larger(found.longest, duration(y, i, flown.at.cycle), 0.0);
+            found.longest = larger(found.longest, flown.durations[i], 0.0);
         }
         const double fastest = units_[half] / units_[0];
         found.velocity = std::max(found.velocity, bend / fastest);
@@ -438,13 +502,21 @@ public:
             const int r = row % rows();
             double unit = 1.0;
             if (row >= user) unit = terms[row - user];
-            else if (row >= closing && has_ends()) unit = has_displacement(row - closing) ? sizes.displacement : sizes.velocity;
+            else if (row >= closing && has_ends()) unit = has_displacement(row - closing) ? sizes.displacement : velocity_unit(inner(), flown, sizes);
             else if (r < size() / 2 || (r == size() && !is_cut(row / rows()))) unit = sizes.displacement;
-            else if (r < size()) unit = sizes.velocity;
+            else if (r < size()) unit = velocity_unit(row / rows(), flown, sizes);
             const double entry = std::fabs(residual[row]) / unit;
             if (!(entry <= worst)) worst = entry;
         }
         return worst;
+    }
+
+    /// The unit of residuals of velocities at the end of flight i: see `SmoothFlight`.
+    double velocity_unit(int i, const Flown& flown, const Sizes& sizes) const {
+        double unit = sizes.velocity;
+        for (int r = size() / 2; SMOOTH && r < size(); ++r)
+            unit = std::max(unit, std::fabs(flown.columns(i, size() + r)) * sizes.longest);
+        return unit;
     }
 
     /// Scaled residual of a converged solution: each state is a sum over the modes, whose rounding adds up.
@@ -497,7 +569,7 @@ private:
     /// Derivatives of the node after event i, from those of the state before it.
     template <class Landing>
     void landing_blocks(int i, const Flown& flown, Landing& landing, Array<>& columns) const {
-        if (!hits(i)) return;
+        if (!hits(i) || is_summed(i)) return;
         const Values rate = events_.rate[i], push = this->push(i, flown.at);
         const double by = rebound(i, flown.at), speed = dot(rate, flown.before[i]);
         impact_columns(rate, push, by, landing);
@@ -574,7 +646,7 @@ private:
         const Values z = y.subspan(begin(0), size());
         const double xi = y[unfolding()];
         const int n = size() / 2;
-        for (int r = 0; r < size(); ++r) {
+        for (int r = first_kicked(); r < size(); ++r) {
             out.closing(unfolding())[r] += energy_slope(flown.at.entries, z, r) * scale[unfolding()];
             const int first = r < n ? 2 * n * n + r * n : (r - n) * n, from = begin(0) + (r < n ? 0 : n);
             for (int c = 0; c < n; ++c) out.closing(from + c)[r] += xi * flown.at.entries[first + c] * scale[from + c];
@@ -625,7 +697,7 @@ private:
     /// Call take(e, an equation of the user with its derivatives by energy and quarter period, and these).
     template <class Take>
     void each_known_slope(const Setting<double>& at, Values y, Take&& take) const {
-        const double h = energy(at.entries, &y[begin(0)]), quarter = total_time(y) / closure_.quarters;
+        const double h = energy(at, &y[begin(0)]), quarter = total_time(y) / closure_.quarters;
         std::vector<Known> known(at.parameters.begin(), at.parameters.end());
         known.push_back(Known::variable(h, 0));
         known.push_back(Known::variable(quarter, 1));
@@ -644,7 +716,7 @@ private:
             const int row = closures() + e;
             for (int r = 0; r < size(); ++r)
                 out.closing(begin(0) + r)[row] +=
-                    entry.slopes[0] * energy_slope(flown.at.entries, &y[begin(0)], r) * scale[begin(0) + r];
+                    entry.slopes[0] * energy_rate(flown.at, y.subspan(begin(0), size()), r) * scale[begin(0) + r];
             for (int i = 0; i <= inner(); ++i)
                 out.closing(time(i))[row] += entry.slopes[1] / closure_.quarters * scale[time(i)];
         });
@@ -673,19 +745,127 @@ private:
         for (int j = 0; j < released(); ++j) by_parameter(j, -flown.slopes[j].entries[events_.bound[i]].slopes[0]);
     }
 
+    /// The chatter that begins at node i: z, c become the state and time at its end, NaN where it has none. Returns the error.
+    template <class T>
+    double sum_chatter(int i, const Setting<T>& at, std::vector<T>& z, T& c) const {
+        if constexpr (SMOOTH) {
+            return 0.0;  // no stop sticks
+        } else {
+            const int event = before(i), f = events_.mode[event], n = size() / 2, count = 2 * harmonics();
+            const double side = events_.side[event] * (i == 0 ? closure_.sign : 1.0);
+            // The acceleration of the gap, by the state and by the oscillators.
+            std::vector<T> by_state(size(), T(0.0)), by_turn(count, T(0.0)), turns(count), turned(count), place(size()), moved(size());
+            const auto& inverse = at.modes[events_.kept[event]].inverse;
+            for (int r = 0; r < n; ++r) {
+                const T reach = dot(events_.gap[event].first(n), inverse[r]);
+                for (int c = 0; c < n; ++c) {
+                    by_state[c] -= reach * at.entries[2 * n * n + r * n + c];
+                    by_state[n + c] -= reach * at.entries[n * n + r * n + c];
+                }
+                for (int q = 0; q < count; ++q) by_turn[q] += reach * at.forces(q, r);
+            }
+            const auto& flight = mode(f, at);
+            const auto& drive = at.drives[f];
+            const auto fly = [&](const std::vector<T>& from, const T& clock, const T& t, std::vector<T>& to) {
+                oscillators(clock, turns);
+                oscillators(T(clock + t / at.cycle), turned);
+                flight.end(drive, Vector<const T>(from), t, Vector<T>(turns), Vector<T>(turned), to);
+            };
+            Chatter<T> chatter;
+            chatter.restitution = T(rebound(event, at) - 1.0);
+            chatter.impact = [&](std::vector<T>& state) {
+                if (varies()) apply_impact(events_.rate[event], at.push[event], rebound(event, at), state, state);
+                else apply_impact(events_.rate[event], events_.push[event], rebound(event, at), state, state);
+            };
+            chatter.speed = [&](const std::vector<T>& state) { return T(dot(events_.rate[event], state)); };
+            // The acceleration a time after a state, and its rate.
+            chatter.acceleration = [&](const std::vector<T>& state, const T& clock, const T& t, double* rate) {
+                fly(state, clock, t, place);
+                T total = dot(by_state, place);
+                for (int q = 0; q < count; ++q) total += by_turn[q] * turned[q];
+                if (rate != nullptr) {
+                    flight.rate(drive, Vector<const T>(place), Vector<T>(turned), moved);
+                    *rate = value(dot(by_state, moved));
+                    for (int h = 0; h < harmonics(); ++h)
+                        *rate += turn_rate(h) / value(at.cycle) *
+                            (value(by_turn[2 * h + 1] * turned[2 * h]) - value(by_turn[2 * h] * turned[2 * h + 1]));
+                }
+                return total;
+            };
+            chatter.fly = [&](std::vector<T>& state, T& clock, const T& t) {
+                fly(state, clock, t, place);
+                clock += t / at.cycle;
+                std::copy(place.begin(), place.end(), state.begin());
+            };
+            return chatter.sum(side, units_, z, c);
+        }
+    }
+
+    /// The same of doubles, into `flown`; returns the time at the end. lead (N + 1, N + 1 + P): derivatives of state and time at
+    /// the end by those before it, and by the parameters.
+    double sum_chatter(int i, Values y, Flown& flown, Array<>& lead) const {
+        const int n = size(), all = n + 1 + released(), width = int(Bundle().slopes.size());
+        lead = Array<>(n + 1, all);
+        double end = 0.0;
+        for (int first = 0; first < all; first += width) {
+            const auto along = [&](double x, int direction) {
+                Bundle out(x);
+                if (direction >= first && direction < first + width) out.slopes[direction - first] = 1.0;
+                return out;
+            };
+            std::vector<Bundle> p, z;
+            for (int j = 0; j < released(); ++j) p.push_back(along(y[parameter(j)], n + 1 + j));
+            for (int r = 0; r < n; ++r) z.push_back(along(y[begin(i) + r], r));
+            Bundle c = along(clock(y, i), n);
+            set(Vector<const Bundle>(p), flown.bundle, flown.at.flights);
+            flown.errors[i] = sum_chatter(i, flown.bundle, z, c);
+            for (int d = first; d < std::min(all, first + width); ++d) {
+                for (int r = 0; r < n; ++r) lead(r, d) = z[r].slopes[d - first];
+                lead(n, d) = c.slopes[d - first];
+            }
+            for (int r = 0; r < n; ++r) flown.starts(i, r) = z[r].value;
+            end = c.value;
+        }
+        flown.lasted[i] = end - clock(y, i);
+        oscillators(end, flown.begins[i]);
+        return end;
+    }
+
+    /// Derivatives of flight i by its node before the chatter, from those by the begin behind it.
+    void compose(int i, const Array<>& lead, Flown& flown) const {
+        const int n = size();
+        const double cycle = flown.at.cycle;
+        const Matrix<double> map(flown.maps[i].data(), n, n), columns(flown.columns[i].data(), 2 + released(), n);
+        Array<> moved(n, n + 1 + released());
+        for (int r = 0; r < n; ++r)
+            for (int d = 0; d < moved.columns(); ++d) {
+                moved(r, d) = columns(0, r) * cycle * lead(n, d);
+                for (int q = 0; q < n; ++q) moved(r, d) += map(r, q) * lead(q, d);
+            }
+        for (int r = 0; r < n; ++r) {
+            for (int c = 0; c < n; ++c) map(r, c) = moved(r, c);
+            columns(0, r) = moved(r, n) / cycle;
+            for (int j = 0; j < released(); ++j) columns(2 + j, r) += moved(r, n + 1 + j);
+        }
+    }
+
     /// The contact modes at what is known.
     template <class T>
     Flights flights_at(const Setting<T>& at) const {
         std::vector<double> parameters(at.parameters.size()), entries(at.entries.size());
         for (size_t k = 0; k < parameters.size(); ++k) parameters[k] = value(at.parameters[k]);
         for (size_t k = 0; k < entries.size(); ++k) entries[k] = value(at.entries[k]);
+        std::vector<Flight> out;
+        if (parameters_.undamped) {
+            out.push_back((*modes_)[0].undamped(entries));
+            return std::make_shared<const std::vector<Flight>>(std::move(out));
+        }
         auto found = parameters_.modes(parameters, entries);
-        std::vector<LoadedFlight<N>> out;
         for (int f = 0; f < modes(); ++f) {
             if (found.empty()) out.push_back((*modes_)[f].unknown());
             else out.emplace_back(std::move(found[f]));
         }
-        return std::make_shared<const std::vector<LoadedFlight<N>>>(std::move(out));
+        return std::make_shared<const std::vector<Flight>>(std::move(out));
     }
 
     /// What impacts, contact forces and flights take from masses, dampers and springs.
@@ -699,7 +879,7 @@ private:
             while (row + count < forces && events_.force_mode[row + count] == f) ++count;
             const Matrix<const double> gaps = Matrix<const double>(events_.closed).rows(row, count);
             const Values units = Values(events_.unit).subspan(row, count);
-            out.modes[f].set((*out.flights)[f], Vector<const T>(out.entries), gaps, units);
+            out.modes[f].set(Vector<const T>(out.entries), gaps, units);
             for (int k = 0; k < count; ++k, ++row)
                 copy(out.modes[f].pull[k], out.pull[row]), copy(out.modes[f].reach[k], out.reach[row]);
         }

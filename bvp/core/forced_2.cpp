@@ -4,8 +4,8 @@
 namespace saltus {
 
 template <>
-std::unique_ptr<AnyForcedProblem> make_forced_problem<2, 1>(ForcedParts parts) {
-    return std::make_unique<ForcedProblemOf<2, 1>>(std::move(parts));
+std::unique_ptr<AnyForcedProblem> make_forced_problem<LoadedFlight<2>, 1>(ForcedParts parts) {
+    return std::make_unique<ForcedProblemOf<LoadedFlight<2>, 1>>(std::move(parts));
 }
 
 }  // namespace saltus

@@ -4,8 +4,8 @@
 namespace saltus {
 
 template <>
-std::unique_ptr<AnyForcedProblem> make_forced_problem<DYNAMIC, DYNAMIC>(ForcedParts parts) {
-    return std::make_unique<ForcedProblemOf<DYNAMIC, DYNAMIC>>(std::move(parts));
+std::unique_ptr<AnyForcedProblem> make_forced_problem<LoadedFlight<>, DYNAMIC>(ForcedParts parts) {
+    return std::make_unique<ForcedProblemOf<LoadedFlight<>, DYNAMIC>>(std::move(parts));
 }
 
 }  // namespace saltus

@@ -8,10 +8,10 @@ namespace saltus {
 
 /// A state x in its units gives x/R and log R, R = sqrt(1 + |x|^2). A parameter p with a unit u gives asinh(p/u), and
 /// without one log p. The time gives c_0; without a clock, the logarithm of the duration.
-template <int N, int P>
-class Metric<ForcedProblem<N, P>> {
+template <class Flight, int P>
+class Metric<ForcedProblem<Flight, P>> {
 public:
-    using Problem = ForcedProblem<N, P>;
+    using Problem = ForcedProblem<Flight, P>;
     explicit Metric(const Problem& problem)
         : position(problem.coordinates()), direction(problem.coordinates()), problem_(problem), y_(problem.unknowns()) {}
 

@@ -12,11 +12,14 @@ public:
     /// The multipliers (N,) of an orbit by modulus descending; of half a period those of x -> -x over it. False where they
     /// are not found.
     virtual bool multipliers(Values y, Vector<double> real, Vector<double> imaginary) = 0;
+    /// States and times (k + 1, N + 1) at the begin of flights, behind a chatter.
+    virtual void starts(Values y, Matrix<double> out) = 0;
 };
 
 /// What a forced problem consists of.
 struct ForcedParts {
     std::vector<LoadedFlight<>> modes;
+    std::vector<SmoothLoadedFlight> smooth;  // or one flight with smooth forces
     Parameters parameters;
     ForcedEvents events;
     ForcedClosure closure;
@@ -24,18 +27,18 @@ struct ForcedParts {
     ForcedWatch watch;
 };
 
-template <int N, int P>
+template <class Flight, int P>
 std::unique_ptr<AnyForcedProblem> make_forced_problem(ForcedParts parts);
 
-template <int N, int P>
+template <class Flight, int P>
 class ForcedProblemOf final
-    : public ProblemOf<AnyForcedProblem, ForcedProblem<N, P>, ForcedTests<ForcedProblem<N, P>>, ForcedWatch> {
+    : public ProblemOf<AnyForcedProblem, ForcedProblem<Flight, P>, ForcedTests<ForcedProblem<Flight, P>>, ForcedWatch> {
 public:
-    using Base = ProblemOf<AnyForcedProblem, ForcedProblem<N, P>, ForcedTests<ForcedProblem<N, P>>, ForcedWatch>;
+    using Base = ProblemOf<AnyForcedProblem, ForcedProblem<Flight, P>, ForcedTests<ForcedProblem<Flight, P>>, ForcedWatch>;
     using typename Base::Work;
 
     explicit ForcedProblemOf(ForcedParts parts)
-        : Base({{parts.modes.begin(), parts.modes.end()}, std::move(parts.parameters), std::move(parts.events),
+        : Base({flights(parts), std::move(parts.parameters), std::move(parts.events),
                 parts.closure, std::move(parts.units)},
                std::move(parts.watch)) {}
 
@@ -49,6 +52,23 @@ public:
             copy(stroboscopic.found.imaginary, imaginary);
             return true;
         });
+    }
+
+    void starts(Values y, Matrix<double> out) override {
+        this->with_work([&](Work& work) {
+            work.tests.prepare(y);
+            const auto& flown = work.stepper.newton.flown;
+            for (int i = 0; i < out.rows(); ++i) {
+                copy(flown.starts[i], out[i].first(this->size()));
+                out(i, this->size()) = this->problem_.clock(y, i) + flown.lasted[i];
+            }
+        });
+    }
+
+private:
+    static std::vector<Flight> flights(const ForcedParts& parts) {
+        if constexpr (Flight::is_series()) return parts.smooth;
+        else return {parts.modes.begin(), parts.modes.end()};
     }
 };
 

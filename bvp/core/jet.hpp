@@ -40,6 +40,24 @@ inline double value(const Jet<T, N>& x) {
     return value(x.value);
 }
 
+/// How many products of small parts of a number can be other than zero.
+template <class T>
+inline constexpr int JET_DEPTH = 0;
+template <class T, int N>
+inline constexpr int JET_DEPTH<Jet<T, N>> = JET_DEPTH<T> + 1;
+
+/// Whether a number is 0, and all its derivatives.
+template <class T>
+bool is_zero(const T& x) {
+    if constexpr (JET_DEPTH<T> == 0) {
+        return x == 0.0;
+    } else {
+        for (const auto& slope : x.slopes)
+            if (!is_zero(slope)) return false;
+        return is_zero(x.value);
+    }
+}
+
 /// A number that is constant beside a jet over T.
 template <class S, class T>
 concept Constant = std::convertible_to<S, T>;

@@ -11,31 +11,18 @@
 #include "complex.hpp"
 #include "dense.hpp"
 #include "linear_flight.hpp"
+#include "modes.hpp"
 
 namespace saltus {
 
 /// Size of a particular solution, beside that far from resonance, above which the load joins the block.
 inline constexpr double NEAR_RESONANCE = 30.0;
 
+/// Sizes of masses, and of all entries, that can be computed with: as in `bvp.checks`.
+inline constexpr double SMALLEST_MASS = 1e-25, LARGEST_ENTRY = 1e25;
+
 /// Angle that a pair turns by in a flight that counts as short.
 inline constexpr double SHORT = 0.5;
-
-/// How many products of small parts of a number can be other than zero.
-template <class T>
-inline constexpr int DEPTH = 0;
-template <class T, int N>
-inline constexpr int DEPTH<Jet<T, N>> = DEPTH<T> + 1;
-
-template <class T>
-bool is_zero(const T& x) {
-    if constexpr (DEPTH<T> == 0) {
-        return x == 0.0;
-    } else {
-        for (const auto& slope : x.slopes)
-            if (!is_zero(slope)) return false;
-        return is_zero(x.value);
-    }
-}
 
 /// The loads in the coordinates of one flight, at values of the parameters they depend on. H harmonics.
 template <class T>
@@ -56,6 +43,8 @@ template <int N = DYNAMIC>
 class LoadedFlight {
 public:
     static constexpr int SIZE = N;
+    template <class T>
+    using DriveOf = Drive<T>;
 
     /// enter, leave (N, N): the coordinates of a state, and the state of coordinates. push (N, n): their rates by unit
     /// forces.
@@ -94,7 +83,7 @@ public:
         out.change = Array<T>(size(), size());
         std::copy_n(change.data(), size() * size(), out.change.data());
         out.felt = out.modal;
-        for (int order = 0; order < DEPTH<T>; ++order) {
+        for (int order = 0; order < JET_DEPTH<T>; ++order) {
             for (int row = 0; row < 2 * harmonics(); ++row)
                 for (int r = 0; r < size(); ++r) {
                     T total = out.modal(row, r);
@@ -103,6 +92,35 @@ public:
                 }
             set_steady(out.felt, out);
         }
+    }
+
+    /// The free flights of a system without dampers with the given M, C = 0 and K (3 n n,), under the same loads.
+    LoadedFlight undamped(Values entries) const {
+        const int n = size() / 2;
+        const Matrix<const double> mass(entries.data(), n, n), stiffness(entries.data() + 2 * n * n, n, n);
+        UndampedModes modes;
+        bool can_be = true;
+        for (int r = 0; r < n; ++r) {
+            can_be = can_be && mass(r, r) > SMALLEST_MASS;
+            for (int c = 0; c < n; ++c)
+                can_be = can_be && std::fabs(mass(r, c)) < LARGEST_ENTRY && std::fabs(stiffness(r, c)) < LARGEST_ENTRY;
+        }
+        if (!can_be || modes.find(mass, stiffness) != UndampedModes::FOUND) return unknown();
+        Array<> matrix(2 * n, 2 * n), enter(2 * n, 2 * n), leave(2 * n, 2 * n), push(2 * n, n);
+        std::vector<Block> blocks;
+        for (int k = 0; k < n; ++k) {
+            const double square = modes.squares[k];
+            matrix(k, n + k) = 1.0, matrix(n + k, k) = -square;
+            blocks.push_back({k, n + k, 0.0, -square, 0.0, 1.0, -square, 0.0});
+            for (int r = 0; r < n; ++r) {
+                leave(r, k) = leave(n + r, n + k) = modes.shapes(r, k);
+                push(n + k, r) = modes.shapes(r, k);
+                for (int c = 0; c < n; ++c) enter(k, r) += modes.shapes(c, k) * mass(c, r);
+                enter(n + k, n + r) = enter(k, r);
+            }
+        }
+        return LoadedFlight(LinearFlight<N>(std::move(blocks), std::move(matrix), std::vector<double>(2 * n, 1.0), false),
+                            std::move(enter), std::move(leave), std::move(push), harmonics_);
     }
 
     /// Flights that have no end, in place of those of a system that cannot be.

@@ -30,6 +30,9 @@ struct ForcedWatch {
 /// Fills a point from `clearance` to `gave_up`, and `speeds`, for an orbit y whose flights were computed last.
 template <class Problem>
 class ForcedObservation {
+    static constexpr bool SMOOTH = Problem::SMOOTH;
+    using Path = std::conditional_t<SMOOTH, SmoothLoadedPath, LoadedPath<Problem::SIZE>>;
+
 public:
     ForcedObservation(const Problem& problem, const ForcedWatch& watch, Values y, const typename Problem::Flown& flown,
                       Point& point)
@@ -43,10 +46,10 @@ public:
     }
 
 private:
-    int before(int i) const { return i > 0 ? i - 1 : problem_.inner(); }
+    int before(int i) const { return problem_.before(i); }
     int mode(int i) const { return problem_.events().mode[i]; }
-    double duration(int i) const { return problem_.duration(y_, i, flown_.at.cycle); }
-    Values node(int i) const { return y_.subspan(problem_.begin(i), problem_.size()); }
+    double duration(int i) const { return flown_.durations[i]; }
+    Values node(int i) const { return flown_.starts[i]; }
     Values end(int i) const { return flown_.before[i]; }
 
     /// The slowest impact, the product of all speeds, and the shortest flight.
@@ -91,7 +94,7 @@ private:
         const int k = problem_.inner(), n = problem_.size() / 2;
         point_.clearance_flight = point_.clearance_stop = point_.clearance_side = point_.clearance_time = 0.0;
         double earliest = INFINITE, elapsed = 0.0;
-        std::optional<LoadedPath<Problem::SIZE>> path;
+        std::optional<Path> path;
         int present = -1;
         const std::vector<double> none(2 * problem_.harmonics(), 0.0);
         for (int i = 0; i <= k; ++i) {
@@ -116,7 +119,7 @@ private:
                     }
                 }
             }
-            path->begin(node(i), flown_.turns[i]);
+            path->begin(node(i), flown_.begins[i]);
             for (int stop = 0; stop < watch_.stops(); ++stop) {
                 const bool closed = watch_.force(present, stop) >= 0;
                 const Matrix<double> rows = Matrix<double>(rows_).rows(4 * stop, 4);
@@ -132,6 +135,8 @@ private:
                 if (std::isnan(nearest.distance)) point_.gave_up = 1.0, nearest = Clearance();
                 if (watch_.stop[i] != stop && !closed)
                     take_end(i, c, gap, length, tie, length > last ? INFINITE : slack, nearest);
+                if (problem_.is_summed(i) && watch_.stop[i] != stop && !closed)
+                    take_chatter(i, c, gap, length, tie, length > last ? INFINITE : slack, nearest);
                 // At a tie the earlier instant of the orbit counts.
                 const double moment = nearest.time > last ? 0.0 : elapsed - length + nearest.time;
                 if (nearest.distance < best_ - tie || (nearest.distance < best_ + tie && moment < earliest - slack)) {
@@ -140,6 +145,7 @@ private:
                 }
                 best_ = std::min(best_, nearest.distance);
             }
+            note_chatter(i, length);
             note_forces(i, length);
         }
         point_.clearance = best_;
@@ -159,11 +165,43 @@ private:
         if (rate <= 0.0 && after >= 0.0) nearest.take({w - gap.lower, -1.0, length}, tie, slack);
     }
 
+    /// Chatter is short: another stop is beyond its bound at the end if it is hit meanwhile.
+    void take_chatter(int i, Values c, const ObservedGap& gap, double length, double tie, double slack, Clearance& nearest) const {
+        const int next = i < problem_.inner() ? i + 1 : 0;
+        const double w = (next > 0 ? 1.0 : problem_.closure().sign) * dot(c, node(next).first(c.size()));
+        const double below = gap.upper - w, above = w - gap.lower;
+        nearest.take({std::min(below, above), below < above + tie ? 1.0 : -1.0, length}, tie, slack);
+    }
+
+    /// How much longer the chatter at the end of flight i could last, and by how many digits its sum is better than it has to be.
+    void note_chatter(int i, double length) {
+        if constexpr (!SMOOTH) {
+            if (!problem_.is_summed(i)) return;
+            const int next = i < problem_.inner() ? i + 1 : 0;
+            const auto& flight = problem_.flight(i, flown_.at);
+            const double base = flown_.at.entries[problem_.frequency()];
+            double fastest = flight.free().fastest();
+            for (int h = 0; h < problem_.harmonics(); ++h) fastest = std::max(fastest, flight.harmonic(h) * base);
+            const double room = LONGEST_CHATTER - flown_.lasted[next] * flown_.at.cycle * fastest;
+            const double digits = log10_of(CHATTER_ERROR / std::max(flown_.errors[next], LEAST_CHATTER_ERROR));
+            if (std::isnan(room) || std::isnan(digits)) point_.gave_up = 1.0;
+            if (!(std::min(room, digits) * problem_.units()[0] < best_)) return;
+            best_ = std::min(room, digits) * problem_.units()[0];
+            note_place(i, watch_.stop[i], 0.0, room < digits ? length : 0.0);
+        }
+    }
+    static double log10_of(double x) { return log(x) / 2.302585092994046; }
+
     /// The time after the begin of flight i in which a stop that has opened without speed surely goes on to open; 0 for
     /// other stops.
-    double lift_off(int i, int stop, const LoadedPath<Problem::SIZE>& path, const ObservedGap& gap, double horizon) const {
+    double lift_off(int i, int stop, const Path& path, const ObservedGap& gap, double horizon) const {
         const int first = before(i);
         if (problem_.modes() == 1 || stop != watch_.stop[first] || watch_.force(mode(i), stop) >= 0) return 0.0;
+        if constexpr (SMOOTH) return 0.0;  // no stop sticks
+        else return lift_off_time(first, path, gap, horizon);
+    }
+
+    double lift_off_time(int first, const Path& path, const ObservedGap& gap, double horizon) const {
         const bool released = problem_.events().release[first] >= 0;
         if (!released && problem_.rebound(first, flown_.at) != 1.0) return 0.0;
         const Bounds bounds = path.linear().bounds(gap.rate, path.state(), horizon);
@@ -186,11 +224,11 @@ private:
         };
         for (int stop = 0; stop < watch_.stops(); ++stop) {
             if (const int row = watch_.force(mode(i), stop); row >= 0) {
-                note(problem_.force(row, flown_.at, node(i), flown_.turns[i]), stop, 0.0);
+                note(problem_.force(row, flown_.at, node(i), flown_.begins[i]), stop, 0.0);
                 if (problem_.events().release[i] != row)
                     note(problem_.force(row, flown_.at, end(i), flown_.turns[i + 1]), stop, length);
             } else if (left >= 0 && problem_.rebound(first, flown_.at) == 1.0 && watch_.force(left, stop) >= 0) {
-                note(-problem_.force(watch_.force(left, stop), flown_.at, node(i), flown_.turns[i]), stop, 0.0);
+                note(-problem_.force(watch_.force(left, stop), flown_.at, node(i), flown_.begins[i]), stop, 0.0);
             }
         }
     }

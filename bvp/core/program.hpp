@@ -40,9 +40,10 @@ public:
 
     /// Add the coefficients of order k to `series` (registers, > k); those of the inputs are there.
     ///
-    /// A power of |a| is zero where a is 0, or where it is not above `least` in size: there it has no expansion.
-    template <class T>
-    void extend(Matrix<T> series, int k, double least) const {
+    /// A power of |a| is zero where a is 0, or where it is not above `least` in size: there it has no expansion. numbers: in
+    /// place of the program's.
+    template <class T, class C>
+    void extend(Matrix<T> series, int k, double least, const std::vector<C>& numbers) const {
         for (const Operation& operation : operations) {
             T* c = series[operation.result].data();
             const T* a = series[operation.first].data();
@@ -105,8 +106,8 @@ private:
         return total + double(k) * a[k] * b[0];
     }
 
-    template <class T>
-    static void raise(Code code, double s, const T* a, T* c, int k, double least) {
+    template <class T, class C>
+    static void raise(Code code, const C& s, const T* a, T* c, int k, double least) {
         if (k > 0) {
             if (value(c[0]) == 0.0) {
                 c[k] = T(0.0);
@@ -114,8 +115,8 @@ private:
             }
             // From a c' = s a' c.
             T total(0.0);
-            for (int j = 1; j < k; ++j) total += (s * j - (k - j)) * a[j] * c[k - j];
-            c[k] = (total + s * k * a[k] * c[0]) / (double(k) * a[0]);
+            for (int j = 1; j < k; ++j) total += (s * double(j) - double(k - j)) * a[j] * c[k - j];
+            c[k] = (total + s * double(k) * a[k] * c[0]) / (double(k) * a[0]);
         } else if (code == POWER) {
             c[0] = pow(a[0], s);
         } else if (value(a[0]) == 0.0) {

@@ -119,37 +119,49 @@ public:
     }
 
 private:
-    /// map <- the product in scaled states, from the first node on.
+    /// map <- the product in scaled states, from the last event on.
     void form(const typename Problem::Flown& flown) {
         const int size = problem_.size();
         for (int r = 0; r < size; ++r)
             for (int c = 0; c < size; ++c) map_(r, c) = r == c ? scale_[r] : 0.0;
-        Local<double, N> lateness(size), kick(size);
+        Local<double, N> lateness(size);
+        for (double& late : lateness) late = 0.0;
         for (int i = 0; i <= problem_.inner(); ++i) {
+            const int event = problem_.before(i);
+            const bool chatters = problem_.is_summed(event);
+            if (problem_.hits(event)) pass(event, flown, lateness);
             const double* flow = flown.maps[i].data();
+            const double sign = i == 0 ? problem_.closure().sign : 1.0;
             for (int r = 0; r < size; ++r)
-                for (int c = 0; c < size; ++c) work_(r, c) = 0.0;
+                for (int c = 0; c < size; ++c) work_(r, c) = chatters ? flown.columns(i, r) * lateness[c] : 0.0;
             for (int r = 0; r < size; ++r)
                 for (int q = 0; q < size; ++q)
-                    for (int c = 0; c < size; ++c) work_(r, c) += flow[r * size + q] * map_(q, c);
+                    for (int c = 0; c < size; ++c) work_(r, c) += flow[r * size + q] * (sign * map_(q, c));
             std::swap(map_, work_);
-            if (!problem_.hits(i)) continue;
-            // S = R + late gap, equation (27).
-            const auto& events = problem_.events();
-            const Values coming = flown.columns[i].subspan(size, size), gap = events.gap[i], rate = events.rate[i],
-                         push = problem_.push(i, flown.at);
-            const double jump = problem_.rebound(i, flown.at), speed = dot(gap, coming);
-            const double turned = jump * dot(rate, coming);
-            for (int c = 0; c < size; ++c) lateness[c] = kick[c] = 0.0;
-            for (int r = 0; r < size; ++r)
-                for (int c = 0; c < size; ++c) lateness[c] += gap[r] * map_(r, c), kick[c] += jump * rate[r] * map_(r, c);
-            for (int r = 0; r < size; ++r) {
-                const double late = (going_(i, r) - coming[r] + turned * push[r]) / speed;
-                for (int c = 0; c < size; ++c) map_(r, c) += late * lateness[c] - push[r] * kick[c];
-            }
         }
         for (int r = 0; r < size; ++r)
-            for (int c = 0; c < size; ++c) map_(r, c) *= problem_.closure().sign / scale_[r];
+            for (int c = 0; c < size; ++c) map_(r, c) *= 1.0 / scale_[r];
+    }
+
+    /// map <- S map, S = R + late gap of event i, equation (27). A chatter is in the map of the flight that follows: there the
+    /// state is moved to the time of its first impact. lateness (N,): by how much later that is for each column.
+    template <class Lateness>
+    void pass(int i, const typename Problem::Flown& flown, Lateness& lateness) {
+        const int size = problem_.size();
+        const auto& events = problem_.events();
+        const Values coming = flown.columns[i].subspan(size, size), gap = events.gap[i], rate = events.rate[i],
+                     push = problem_.push(i, flown.at);
+        const double jump = problem_.rebound(i, flown.at), speed = dot(gap, coming);
+        const double turned = jump * dot(rate, coming);
+        Local<double, N> kick(size);
+        for (int c = 0; c < size; ++c) lateness[c] = kick[c] = 0.0;
+        for (int r = 0; r < size; ++r)
+            for (int c = 0; c < size; ++c) lateness[c] -= gap[r] * map_(r, c) / speed, kick[c] += jump * rate[r] * map_(r, c);
+        const bool chatters = problem_.is_summed(i);
+        for (int r = 0; r < size; ++r) {
+            const double late = chatters ? coming[r] : coming[r] - going_(i, r) - turned * push[r];
+            for (int c = 0; c < size; ++c) map_(r, c) += late * lateness[c] - (chatters ? 0.0 : push[r] * kick[c]);
+        }
     }
 
     /// Without the product. A saltation matrix is right left^-1: it takes f- and the directions along the stop to f+ and
@@ -163,14 +175,18 @@ private:
             chain_.set_inverse(2 * i);
             for (int r = 0; r < size; ++r)
                 for (int c = 0; c < size; ++c) left(r, c) = right(r, c) = r == c ? 1.0 : 0.0;
-            if (problem_.hits(i)) frames(i, flown, left, right);
+            double length = 0.0;
+            if (problem_.hits(i)) length = frames(i, flown, left, right);
             const double* flow = flown.maps[next].data();
             const double sign = next == 0 ? problem_.closure().sign : 1.0;
             for (int r = 0; r < size; ++r)
                 for (int c = 0; c < size; ++c) {
                     double total = 0.0;
                     for (int q = 0; q < size; ++q) total += flow[r * size + q] * scale_[q] * right(q, c);
-                    flown_on(r, c) = sign * total / scale_[r];
+                    // A state that is moved along the flow begins its chatter earlier.
+                    total *= sign;
+                    if (problem_.is_summed(i) && c == 0) total -= flown.columns(next, r) / length;
+                    flown_on(r, c) = total / scale_[r];
                 }
         }
         found.is_known = chain_.eigenvalues(found.matrix) > 0;
@@ -182,8 +198,9 @@ private:
         return found.is_known;
     }
 
+    /// Returns the size of f-.
     template <class Left, class Right>
-    void frames(int i, const typename Problem::Flown& flown, Left& left, Right& right) {
+    double frames(int i, const typename Problem::Flown& flown, Left& left, Right& right) {
         const int size = problem_.size();
         const auto& events = problem_.events();
         const double jump = problem_.rebound(i, flown.at);
@@ -204,9 +221,14 @@ private:
                 kick += events.rate(i, r) * scale_[r] * left(r, c);
             }
             kick *= jump;
+            if (problem_.is_summed(i)) {
+                for (int r = 0; r < size; ++r) right(r, c) = c == 0 ? 0.0 : left(r, c);
+                continue;
+            }
             for (int r = 0; r < size; ++r)
                 right(r, c) = c == 0 ? going_(i, r) / scale_[r] / length : left(r, c) - kick * problem_.push(i, flown.at)[r] / scale_[r];
         }
+        return length;
     }
 
     const Problem& problem_;

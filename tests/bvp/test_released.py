@@ -209,14 +209,14 @@ def test_undamped_modes_at_other_parameters(names):
     """Oracle: the modes, and their derivatives, of the system that is made there (`bvp.forced_modes`)."""
     start = [0.0, 0.0, 0.0, 1.1, 0.8, 0.5]
     problem, y, *_ = released(chain(), ("origin", "stop+"), (), names, ["energy = {h!r}"] + ["d = 1.1"] * (len(names) - 1), start, [1.4])
-    assert problem._is_undamped
+    assert problem.is_undamped
     for factor in (1.1, 0.7, 1.0):
         there = y.copy()
         problem.nodes(there)[:, 2 * problem.degrees_of_freedom + 1 :] *= factor
         problem.residual(there)
         found = written(problem)
         other = problem.sibling(())
-        other.__dict__["_is_undamped"] = False
+        other.__dict__["is_undamped"] = False
         other.residual(there)
         for one, wanted in zip(found, written(other), strict=True):
             assert np.abs(one - wanted).max() < 1e-13 * max(1.0, np.abs(wanted).max())
@@ -270,9 +270,9 @@ def test_multipliers_of_an_orbit_with_negative_energy():
 def test_limits_of_a_parameter_are_looked_at_anew():
     """A parameter whose domain is located can leave it unseen: then the system is made at each point."""
     problem, *_ = backbone_at("energy = {h!r}", ("mu",))
-    assert problem._is_undamped
+    assert problem.is_undamped
     problem.locate_domains(())
-    assert "_is_undamped" not in vars(problem)
+    assert "is_undamped" not in vars(problem)
 
 
 def test_the_sizes_of_entries_are_those_of_a_system():

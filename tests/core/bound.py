@@ -12,13 +12,13 @@ import saltus_core as core
 from branches.search.starts import curves
 from bvp.closures import cycle_of
 from bvp.forced import ForcedProblem
-from bvp.forced_orbits import core_arguments
+from bvp.forced_orbits import core_arguments, smooth_arguments
 from bvp.orbits import Orbits
 from bvp.parameters import ParametricSystem
 from bvp.smooth_flights import core_flight, modal_rows
 from bvp.system import vibro_impact_nes
 from continuation.control import Settings, control_of
-from tests.core.loaded_systems import HELD
+from tests.core.loaded_systems import DUFFING, HELD
 from tests.core.smooth_systems import chain
 from tests.core.systems import core_of
 
@@ -206,6 +206,7 @@ def function_calls(orbit):
     for name in ("solve", "product"):
         yield core, name, (square, rows[:, :2].copy())
     yield core, "cholesky", (square @ square.T,)
+    yield core, "undamped_modes", (square @ square.T, square + square.T)
     for name in ("orthonormal", "singular_directions"):
         yield core, name, (rows,)
     schur = core.schur(square)
@@ -251,6 +252,8 @@ def loaded_calls():
     yield core, "LoadedFlight", (free, enter, leave, push, np.array([0.0, 1.0]))
     flight = core.LoadedFlight(free, enter, leave, push, np.array([1.0]))
     turns = np.array([1.0, 0.0]), np.array([0.6, 0.8])
+    smooth = ForcedProblem(ParametricSystem.from_description(DUFFING), ("+",), ("F", "p"), keep=("p = 10*F",))
+    yield core, "SmoothLoadedFlight", smooth_arguments(smooth)
     yield flight, "end", (rng.normal(size=free.size), 0.7, *turns, np.array([1.3, 0.1]), forces, np.array([0.2]))
 
 
@@ -269,7 +272,7 @@ def forced_calls():
     y = np.concatenate([np.column_stack([times, rng.normal(size=(flights, size))]).ravel(), [1.1, 0.575]])
     tangent, target = rng.normal(size=2 * u), float(y[-1])
     arrays = nan(u), nan(2 * u), nan(size + 4), nan(flights, size), nan(POINT)
-    yield from ((name, name, (y,)) for name in ("residual", "jacobian", "scales", "multipliers"))
+    yield from ((name, name, (y,)) for name in ("residual", "jacobian", "scales", "multipliers", "starts"))
     yield "second", "derivative", (y, rng.normal(size=(2, u)))
     yield "observe", "observe", (y, nan(flights, size), nan(POINT))
     yield "step", "step", (y, tangent, 0.01, 12, True, *(part.copy() for part in arrays))

@@ -67,3 +67,23 @@ CLAMPED = {
         "stiffness": [["0.7 + k", "-k"], ["-k", "0.5 + k"]],
     },
 }  # fmt: skip
+
+DUFFING = {
+    "parameters": {"F": 0.3, "c": 0.1, "k": 1.0, "a": 0.4, "p": 3.0, "m": 1.0, "w": 1.2, "d": 0.5},
+    "system": {
+        "mass": [["m"]], "damping": [["c"]], "stiffness": [["k"]], "springs": [{"c": [1.0], "stiffness": "a", "power": "p"}],
+        "stops": [{"c": [1.0], "upper": "d", "restitution": 0.7}],
+    },
+    "forces": [{"load": [1.0], "amplitude": "F", "harmonic": 1, "phase": 0.4}, {"load": [1.0], "constant": 0.1}],
+}  # fmt: skip
+"""Smooth forces."""
+SPRINGS = {
+    "parameters": {"F": 0.5, "c": 0.1, "a": 0.5, "b": 2.2, "q": 0.3, "m": 0.2, "w": 1.1},
+    "system": {
+        "mass": [["m", 0.0], [0.0, 1.0]], "damping": [["c", "-c"], ["-c", "2*c"]], "stiffness": [[0.3, -0.3], [-0.3, 1.3]],
+        "springs": [{"between": ["u1", "u2"], "stiffness": "a", "power": "2 + b"}, {"on": "u2", "potential": "q*w**4"}],
+        "dampers": [{"on": "u2", "polynomial": [0.0, 0.0, 0.05]}],
+        "stops": [{"c": [1.0, -1.0], "lower": -0.6, "upper": 0.6, "restitution": 0.8}],
+    },
+    "forces": [{"load": [0.0, 1.0], "amplitude": "F", "harmonic": 1}, {"load": [0.1, 0.0], "amplitude": "F", "harmonic": 3}],
+}  # fmt: skip

@@ -15,6 +15,7 @@ from bvp.forced import ForcedProblem
 from bvp.forced_orbits import core_problem
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
+from bvp.released import ReleasedProblem
 from bvp.smooth_flights import core_flight
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus import discover, trace
@@ -73,6 +74,29 @@ def loads():
     yield "multipliers", core.multipliers(y)
 
 
+def varied():
+    """The same where springs are parameters: of a free orbit, and with smooth forces under loads."""
+    parameters = {"k": 0.75, "a": 0.5, "p": 2.5, "w": 1.25, "A": 0.75}
+    stop = {"c": [1.0, -1.0], "lower": -1.0, "upper": 1.0}
+    system = {"mass": [[1.0, 0.0], [0.0, 0.5]], "stiffness": [["1 + k", "-k"], ["-k", 1.5]], "stops": [stop]}
+    free = ParametricSystem.from_description({"parameters": {"k": 0.75}, "system": system})
+    smooth = ParametricSystem.from_description(
+        {
+            "parameters": parameters, "system": system | {"springs": [{"on": "u1", "stiffness": "a", "power": "p"}]},
+            "forces": [{"load": [1.0, 0.0], "amplitude": "A", "harmonic": 1}],
+        }
+    )
+    for name, problem in {
+        "free": ReleasedProblem(free, ("origin", "stop+"), ("+",), ("k",), ["energy = 0.75"]),
+        "smooth": ForcedProblem(smooth, ("+", "-"), ("a", "p"), keep=("p = 5*a",)),
+    }.items():
+        core = core_problem(problem)
+        y = np.ldexp(1.0 + np.arange(core.unknowns), -4)
+        yield f"residual of a {name} orbit", core.residual(y)
+        yield f"jacobian of a {name} orbit", core.jacobian(y)
+        yield f"second derivative of a {name} orbit", core.derivative(y, np.stack([y, y[::-1]]))
+
+
 def searches():
     """Every orbit at an energy: quarter periods and states."""
     for energy in (0.5, 3.0):
@@ -103,7 +127,7 @@ def smooth_flights():
             yield f"{name} at {time}", np.concatenate([[end], derivative])
 
 
-PARTS = [elementary_functions, families, loads, searches, modes, smooth_flights]
+PARTS = [elementary_functions, families, loads, varied, searches, modes, smooth_flights]
 
 
 def lines():

@@ -18,7 +18,21 @@ from bvp.orbits import RESULT_INDEX
 from bvp.parameters import ParametricSystem
 from continuation.control import Settings, control_of, kinds_of
 from continuation.problem import Goal, Recent
-from tests.core.loaded_systems import AUTONOMOUS, CLAMPED, FLOATING, FREE, HEAVY, HELD, ODD, OSCILLATOR, PAIR, STIFF, UNDAMPED
+from tests.core.loaded_systems import (
+    AUTONOMOUS,
+    CLAMPED,
+    DUFFING,
+    FLOATING,
+    FREE,
+    HEAVY,
+    HELD,
+    ODD,
+    OSCILLATOR,
+    PAIR,
+    SPRINGS,
+    STIFF,
+    UNDAMPED,
+)
 
 
 def problems():
@@ -54,6 +68,14 @@ def problems():
     yield made(UNDAMPED, ("+",), ("k", "w"), keep=("w = k",))
     yield made(CLAMPED, ("a+=", "b+", "a+:"), ("m",))
     yield made(CLAMPED, ("a+=", "b-", "b+", "a+:"), ("k", "w"), keep=("w = 1 + k/3",), load_periods=2)
+    # smooth forces
+    yield made(DUFFING, (), ("w",), pieces=2)
+    yield made(DUFFING, ("+",), ("F",))
+    yield made(DUFFING, ("+", "+"), ("k", "p", "w"), keep=("p = 2 + k", "w = 1.2*k"))
+    yield made(SPRINGS, (), ("a", "q"), keep=("q = 0.6*a",))
+    yield made(SPRINGS, ("+", "-"), ("m",), half=False)
+    yield made(SPRINGS, ("+", "-", "+"), ("b", "c"), keep=("c = b/22",), load_periods=2)
+    yield made(SPRINGS, ("+",), ("F",), half=True)
 
 
 CASES = list(problems())
@@ -100,9 +122,10 @@ def test_the_jacobian_is_the_derivative(problem, general):
     core, y = core_problem(problem, general=general), core_unknowns(problem, some_unknowns(problem))
     jacobian = core.jacobian(y)
     for j in range(len(y)):
-        unit = 1e-3 * np.eye(len(y))[j]
+        step = 2e-4 if problem.is_smooth else 1e-3
+        unit = step * np.eye(len(y))[j]
         near, far = (core.residual(y + s * unit) - core.residual(y - s * unit) for s in (1.0, 2.0))
-        expected = (8.0 * near - far) / 12e-3
+        expected = (8.0 * near - far) / (12.0 * step)
         np.testing.assert_allclose(jacobian[:, j], expected, rtol=1e-8, atol=1e-8 * max(1.0, np.abs(expected).max()))
 
 
@@ -126,8 +149,9 @@ def test_second_and_third_derivatives_are_differences(problem):
     a, b, c = 0.1 * rng.normal(size=(3, len(y)))
 
     def slope(function, direction):
-        near, far = (function(y + s * 1e-3 * direction) - function(y - s * 1e-3 * direction) for s in (1.0, 2.0))
-        return (8.0 * near - far) / 12e-3
+        step = 2e-4 if problem.is_smooth else 1e-3
+        near, far = (function(y + s * step * direction) - function(y - s * step * direction) for s in (1.0, 2.0))
+        return (8.0 * near - far) / (12.0 * step)
 
     second, third = core.derivative(y, np.array([a, b])), core.derivative(y, np.array([a, b, c]))
     np.testing.assert_allclose(second, slope(core.jacobian, a) @ b, rtol=1e-7, atol=1e-8 * np.abs(second).max())
