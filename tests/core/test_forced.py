@@ -156,7 +156,9 @@ def test_second_and_third_derivatives_are_differences(problem):
     second, third = core.derivative(y, np.array([a, b])), core.derivative(y, np.array([a, b, c]))
     np.testing.assert_allclose(second, slope(core.jacobian, a) @ b, rtol=1e-7, atol=1e-8 * np.abs(second).max())
     expected = slope(lambda at: core.derivative(at, np.array([a, b])), c)
-    np.testing.assert_allclose(third, expected, rtol=1e-7, atol=1e-8 * np.abs(third).max())
+    # Where a power is left out beside zero its third derivative is not all rounding.
+    tolerance = 1e-6 if problem.is_smooth else 1e-7
+    np.testing.assert_allclose(third, expected, rtol=tolerance, atol=0.1 * tolerance * np.abs(third).max())
 
 
 def landing(core, problem):
