@@ -204,7 +204,10 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
 def _known_modes(n: int, mass_entries: bytes, stiffness_entries: bytes) -> tuple[np.ndarray, np.ndarray]:
     """The modes of two matrices (n, n)."""
     mass, stiffness = np.frombuffer(mass_entries + stiffness_entries).reshape(2, n, n)
-    squares, shapes = core.undamped_modes(mass, stiffness)
+    try:
+        squares, shapes = core.undamped_modes(mass, stiffness)
+    except ValueError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
     return squares, shapes
 
 

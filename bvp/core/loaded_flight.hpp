@@ -50,7 +50,10 @@ public:
     /// forces.
     LoadedFlight(LinearFlight<N> free, Array<> enter, Array<> leave, Array<> push, std::vector<double> harmonics)
         : free_(std::move(free)), enter_(std::move(enter)), leave_(std::move(leave)), push_(std::move(push)),
-          harmonics_(std::move(harmonics)) {}
+          harmonics_(std::move(harmonics)), balance_(free_.size(), 1.0) {
+        for (const Block& block : free_.blocks())
+            if (block.is_pair() && block.b12 * block.b21 != 0.0) balance_[block.second] = std::sqrt(std::fabs(block.b21 / block.b12));
+    }
 
     template <int M>
         requires(M != N)
@@ -343,14 +346,6 @@ private:
         return NEAR_RESONANCE * std::sqrt(real * real + imaginary * imaginary) > size;
     }
 
-    /// What a coordinate is divided by to balance the matrix: the second entry of a pair.
-    double balance(int r) const {
-        for (const Block& block : free_.blocks())
-            if (block.is_pair() && block.second == r && block.b12 * block.b21 != 0.0)
-                return std::sqrt(std::fabs(block.b21 / block.b12));
-        return 1.0;
-    }
-
     /// q = the end of what is left of it beside X o, where B varies: from the exponential of B + S and the oscillators
     /// that have joined a block.
     template <class T, class O, class Q>
@@ -360,7 +355,7 @@ private:
             if (std::find(driving.begin(), driving.end(), join.harmonic) == driving.end()) driving.push_back(join.harmonic);
         const int all = size() + 2 * int(driving.size());
         std::vector<double> unit(all, 1.0);
-        for (int r = 0; r < size(); ++r) unit[r] = balance(r);
+        for (int r = 0; r < size(); ++r) unit[r] = balance_[r];
         LocalSquare<T> matrix(all), flow(all);
         Local<T> state(all);
         for (int r = 0; r < all; ++r)
@@ -411,24 +406,33 @@ private:
                 const auto row = [&](int r) { return r == 1 && to.is_pair() ? to.second : to.first + r; };
                 const auto column = [&](int c) { return c == 1 && from.is_pair() ? from.second : from.first + c; };
                 double strength = 0.0, pace = 0.0;
-                Array<> matrix(m + k, m + k), ends(m + k, m + k);
                 for (int r = 0; r < m; ++r)
-                    for (int c = 0; c < m; ++c) matrix(r, c) = b(row(r), row(c)) * (balance(row(c)) / balance(row(r)));
+                    for (int c = 0; c < k; ++c)
+                        strength = std::max(strength, std::fabs(change(row(r), column(c)).slopes[0]) * (balance_[column(c)] / balance_[row(r)]));
+                if (strength == 0.0) continue;
+                if (&to == &from && to.is_pair() && (to.delta < 0.0 || to.delta * t * t < APART_LIMIT)) {
+                    add_own_change(to, change, start, t, out);
+                    continue;
+                }
+                LocalSquare<double> matrix(m + k), ends(m + k);
+                for (int r = 0; r < m; ++r) {
+                    for (int c = 0; c < m; ++c) matrix(r, c) = b(row(r), row(c)) * (balance_[row(c)] / balance_[row(r)]);
+                    for (int c = 0; c < k; ++c) {
+                        matrix(r, m + c) = change(row(r), column(c)).slopes[0] * (balance_[column(c)] / balance_[row(r)]);
+                        matrix(m + c, r) = 0.0;
+                    }
+                }
                 for (int r = 0; r < k; ++r)
                     for (int c = 0; c < k; ++c)
-                        matrix(m + r, m + c) = b(column(r), column(c)) * (balance(column(c)) / balance(column(r)));
+                        matrix(m + r, m + c) = b(column(r), column(c)) * (balance_[column(c)] / balance_[column(r)]);
                 for (int r = 0; r < m + k; ++r)
-                    for (int c = 0; c < m + k; ++c) pace = std::max(pace, std::fabs(matrix(r, c)));
-                for (int r = 0; r < m; ++r)
-                    for (int c = 0; c < k; ++c) {
-                        matrix(r, m + c) = change(row(r), column(c)).slopes[0] * (balance(column(c)) / balance(row(r)));
-                        strength = std::max(strength, std::fabs(matrix(r, m + c)));
-                    }
-                if (strength == 0.0) continue;
-                if (Array<> x(m, k); pace * std::fabs(t) > SHORT && solve_apart(matrix, m, x)) {
+                    for (int c = 0; c < m + k; ++c)
+                        if ((r < m) == (c < m)) pace = std::max(pace, std::fabs(matrix(r, c)));
+                Local<double> x(m * k);
+                if (pace * std::fabs(t) > SHORT && solve_apart(matrix, m, x)) {
                     for (int r = 0; r < m; ++r)
                         for (int c = 0; c < k; ++c) {
-                            const double entry = x(r, c) * balance(row(r)) / balance(column(c));
+                            const double entry = x[r * k + c] * balance_[row(r)] / balance_[column(c)];
                             for (int q = 0; q < m; ++q) out[row(q)] += flow(row(q), row(r)) * (entry * start[column(c)]);
                             out[row(r)] -= entry * moved[column(c)];
                         }
@@ -440,29 +444,54 @@ private:
                 flow_large<double, double>(matrix, 0, m + k, t, ends);
                 for (int r = 0; r < m; ++r)
                     for (int c = 0; c < k; ++c)
-                        out[row(r)] += ends(r, m + c) * (unit * balance(row(r)) / balance(column(c))) * start[column(c)];
+                        out[row(r)] += ends(r, m + c) * (unit * balance_[row(r)] / balance_[column(c)]) * start[column(c)];
             }
     }
 
+    /// The same of a pair alone: the derivative of exp(m t) (C + S D), equation (23), by m, by delta = D^2 and by D.
+    template <class Q>
+    static void add_own_change(const Block& block, const Array<First>& change, const Q& start, double t, Vector<double> out) {
+        const int i = block.first, j = block.second;
+        const double n11 = change(i, i).slopes[0], n12 = change(i, j).slopes[0], n21 = change(j, i).slopes[0],
+                     n22 = change(j, j).slopes[0];
+        const double mean = 0.5 * (n11 + n22), d = 0.5 * (n11 - n22), half = 0.5 * (block.b11 - block.b22);
+        const double delta = 2.0 * half * d + block.b12 * n21 + n12 * block.b21, x = block.delta * t * t;
+        double c, s, by_delta;  // of S: (t C - S)/(2 delta)
+        circular(block.delta, block.root, t, c, s);
+        if (std::fabs(x) < 1.0) {
+            // The series t^3/2 sum of x^(k - 1) 2 k/(2 k + 1)!, which does not cancel; truncation below 1e-20.
+            double total = 0.0;
+            for (int k = 10; k > 0; --k) total = (1.0 + x * total / (2.0 * k)) / (2.0 * k + 1.0);
+            by_delta = 0.5 * t * t * t * total;
+        } else {
+            by_delta = (t * c - s) / (2.0 * block.delta);
+        }
+        const double decay = block.mean != 0.0 ? exp(block.mean * t) : 1.0;
+        const double one = mean * t * c + 0.5 * t * s * delta, turn = mean * t * s + by_delta * delta;
+        out[i] += decay * ((one + turn * half + s * d) * start[i] + (turn * block.b12 + s * n12) * start[j]);
+        out[j] += decay * ((turn * block.b21 + s * n21) * start[i] + (one - turn * half - s * d) * start[j]);
+    }
+
     /// Solve A x - x B = S of a matrix [A S; 0 B], A (m, m); false where x is large.
-    static bool solve_apart(const Array<>& matrix, int m, Array<>& x) {
-        const int k = matrix.rows() - m, count = m * k;
-        Array<> equations(count, count);
-        std::vector<double> right(count);
-        std::vector<int> order(count);
+    template <class M, class X>
+    static bool solve_apart(const M& matrix, int m, X& x) {
+        const int k = matrix.size() - m, count = m * k;
+        Dense<DYNAMIC> equations(count);
+        Local<int> order(count);
         double strength = 0.0, pace = 0.0, size = 0.0;
         for (int r = 0; r < m; ++r)
             for (int c = 0; c < k; ++c) {
                 const int e = r * k + c;
+                for (int q = 0; q < count; ++q) equations(e, q) = 0.0;
                 for (int q = 0; q < m; ++q) equations(e, q * k + c) += matrix(r, q);
                 for (int q = 0; q < k; ++q) equations(e, r * k + q) -= matrix(m + q, m + c);
-                right[e] = matrix(r, m + c);
-                strength = std::max(strength, std::fabs(right[e]));
+                x[e] = matrix(r, m + c);
+                strength = std::max(strength, std::fabs(x[e]));
                 for (int q = 0; q < count; ++q) pace = std::max(pace, std::fabs(equations(e, q)));
             }
         if (!(factorise(equations, order).least > 0.0)) return false;
-        substitute(equations, order, right);
-        for (int e = 0; e < count; ++e) x(e / k, e % k) = right[e], size = std::max(size, std::fabs(right[e]));
+        substitute(equations, order, x);
+        for (int e = 0; e < count; ++e) size = std::max(size, std::fabs(x[e]));
         return size * pace <= NEAR_RESONANCE * strength;
     }
 
@@ -556,6 +585,7 @@ private:
     LinearFlight<N> free_;
     Array<> enter_, leave_, push_;
     std::vector<double> harmonics_;
+    std::vector<double> balance_;  // (N,) what coordinates are divided by to balance the matrix
 };
 
 }  // namespace saltus
