@@ -36,6 +36,30 @@ def test_a_chatter_under_a_constant_force_has_a_closed_form(restitution):
     assert found[0] == pytest.approx([0.5, 0.0, 0.3 + lasts * w / (2.0 * math.pi)], abs=1e-14)
 
 
+TWO_SIDED = ParametricSystem.from_description(
+    {
+        "parameters": {"A": 1.0, "w": 0.5, "r": 0.4, "s": 0.2},
+        "system": {
+            "mass": [[1.0]], "damping": [[0.1]], "stiffness": [[1.0]],
+            "stops": [{"c": [1.0], "lower": "-s", "upper": "s", "restitution": "r"}],
+        },
+        "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}],
+    }
+)  # fmt: skip
+
+
+def half(from_chatter):
+    """Half a period of a symmetric orbit, from its first impact or from the chatter on."""
+    found = settled_orbit(ParameterPath(TWO_SIDED, ("r",)), settle(TWO_SIDED.system(), TWO_SIDED.forces()))
+    problem, y = found.problem, found.y
+    assert problem.half and problem.sequence == ("-", "-", "-=", "-:")
+    if not from_chatter:
+        return problem, y
+    other, nodes = ForcedProblem(TWO_SIDED, ("-=", "-:", "+", "+"), ("r",), half=True), problem.nodes(y)
+    fractions = np.concatenate([nodes[2:, 2], nodes[:2, 2] + 0.5])
+    return other, other.solve(other.pack(np.vstack([nodes[2:, :2], -nodes[:2, :2]]), fractions, [0.4])).y
+
+
 def settled(n, name):
     parametric = oscillator(damping=0.1, r=0.4, s=0.2, w=0.5) if n == 1 else chain(n, 0.5)
     found = settled_orbit(ParameterPath(parametric, (name,)), settle(parametric.system(), parametric.forces()))
@@ -43,9 +67,11 @@ def settled(n, name):
     return found.problem, found.y
 
 
-@pytest.mark.parametrize(("n", "name"), [(1, "r"), (2, "w"), (2, "d")])
-def test_an_orbit_with_chatter_is_that_of_the_kernels(n, name):
-    problem, y = settled(n, name)
+@pytest.mark.parametrize(
+    "orbit", [lambda: settled(1, "r"), lambda: settled(2, "w"), lambda: settled(2, "d"), lambda: half(False), lambda: half(True)]
+)
+def test_an_orbit_with_chatter_is_that_of_the_kernels(orbit):
+    problem, y = orbit()
     core, at = core_problem(problem), core_unknowns(problem, y)
     assert np.abs(core.residual(at)).max() < 1e-12
     np.testing.assert_allclose(unknowns_of_core(problem, at, core), y, atol=1e-12)
