@@ -163,6 +163,17 @@ public:
     int parameter(int j) const { return unfolding() + closure_.unfolds + j; }
     int before(int i) const { return i > 0 ? i - 1 : inner(); }
     bool hits(int i) const { return events_.side[i] != 0.0; }
+    /// How many multipliers are exactly zero: a stop that sticks takes two directions, an impact that leaves no speed and opens
+    /// at once takes one; as many as at the narrowest place of the orbit.
+    int vanishing(const Setting<double>& at) const {
+        const auto held = [&](int f) { return 2 * int(std::count(events_.force_mode.begin(), events_.force_mode.end(), f)); };
+        int most = 0;
+        for (int i = 0; i <= inner(); ++i) {
+            most = std::max(most, held(events_.mode[i]));
+            if (hits(i) && !is_summed(i) && rebound(i, at) == 1.0) most = std::max(most, held(events_.kept[i]) + 1);
+        }
+        return most;
+    }
     /// Whether the impact at the end of flight i begins a chatter.
     bool is_summed(int i) const { return i <= inner() && events_.summed[i] == 1; }
     /// Whether nothing is asked of the state of node i.

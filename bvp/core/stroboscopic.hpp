@@ -60,7 +60,7 @@ public:
     /// Find the multipliers of an orbit y whose flights were computed last; false where they are not found. They are those
     /// of the formed map where no digit is lost. products: or where no digit of their products is.
     bool find(Values y, const typename Problem::Flown& flown, bool products) {
-        const int size = problem_.size(), half = size / 2;
+        const int size = problem_.size(), half = size / 2, vanishing = std::min(problem_.vanishing(flown.at), size);
         const Sizes sizes = problem_.motion_size(y, flown);
         for (int r = 0; r < size; ++r) scale_[r] = r < half ? sizes.displacement : sizes.velocity;
         for (int i = 0; i <= problem_.inner(); ++i) {
@@ -80,10 +80,13 @@ public:
         found.is_known = norm < INFINITE && eigenvalues(work_, found.real.data(), found.imaginary.data());
         if (found.is_known) {
             found.order(false);
-            if (products && norm < SMALL_MAP) return true;
-            if (norm < FORMED_LIMIT && found.modulus(0) <= GRADE * found.modulus(size - 1)) return true;
+            const bool keeps = vanishing == size || found.modulus(0) <= GRADE * found.modulus(size - 1 - vanishing);
+            take_out(vanishing);
+            if ((products && norm < SMALL_MAP) || (norm < FORMED_LIMIT && keeps)) return true;
         }
-        return factored(flown);
+        if (!factored(flown)) return false;
+        take_out(vanishing);
+        return true;
     }
 
     /// The first has the zeros of det(M + 1), the second those of the product of 1 - mu_i mu_j over all pairs. At a grazing
@@ -119,6 +122,11 @@ public:
     }
 
 private:
+    /// The smallest multipliers, so many, are zero but for rounding.
+    void take_out(int vanishing) {
+        for (int k = problem_.size() - vanishing; k < problem_.size(); ++k) found.real[k] = found.imaginary[k] = 0.0;
+    }
+
     /// map <- the product in scaled states, from the last event on.
     void form(const typename Problem::Flown& flown) {
         const int size = problem_.size();

@@ -89,6 +89,7 @@ def test_an_orbit_with_chatter_is_that_of_the_kernels(orbit):
     np.testing.assert_allclose(second, slope(core.jacobian, a) @ b, rtol=1e-5, atol=1e-6 * np.abs(second).max())
     theirs, (real, imaginary) = problem.multipliers(y), core.multipliers(at)
     np.testing.assert_allclose(np.poly(real + 1j * imaginary), np.poly(theirs), atol=1e-9)
+    assert np.count_nonzero(real + 1j * imaginary == 0.0) == np.count_nonzero(theirs == 0.0) == 2
     ours, arrays = problem.solve(y), landing(core, problem)
     assert core.step(at, np.zeros(2 * len(at)), 0.0, 12, True, *arrays)
     for key in SEEN:
