@@ -377,18 +377,21 @@ private:
 
 /// The next impact by steps of fixed length. Returns false where a certified search has to decide: what is nearly a
 /// grazing, slow, or on another contact.
-template <class Path>
-bool step_to_impact(const Path& path, const StepStops& stops, int leaving, double horizon, NextImpact& found) {
+template <class Path, class Observer>
+bool step_to_impact(const Path& path, const StepStops& stops, int leaving, double horizon, NextImpact& found,
+                    Observer& observer) {
     constexpr int MOST_PARTS = 1000;  // a million steps, where nothing damps
     StepWalk walk(stops, horizon);
     if (!walk.start(path.begin(), leaving)) return false;
-    StepWalk::Reason reason = walk.go();
+    observer.begin(walk, path.begin());
+    StepWalk::Reason reason = walk.go(observer);
     for (int part = 0; reason == StepWalk::UNFINISHED; ++part) {
         if (part == MOST_PARTS) return false;
         Local<double, Path::SIZE> state(path.size());
         path.state(walk.time(), state);
         if (!walk.start(state, -1)) return false;
-        reason = walk.go();
+        observer.begin(walk, state);
+        reason = walk.go(observer);
     }
     found = {Found::NONE, -1, horizon};
     if (reason != StepWalk::HIT) return reason == StepWalk::NONE;
@@ -411,7 +414,8 @@ template <class Path>
 NextImpact next_impact_on(const Path& path, const Contacts& contacts, int leaving, bool released, double horizon,
                           const StepStops* stops) {
     NextImpact found;
-    if (stops && stops->fit() && !released && step_to_impact(path, *stops, leaving, horizon, found)) return found;
+    NoObserver none;
+    if (stops && stops->fit() && !released && step_to_impact(path, *stops, leaving, horizon, found, none)) return found;
     return ImpactSearch<Path>(path, contacts, leaving, released, horizon).run();
 }
 

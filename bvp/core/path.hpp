@@ -155,13 +155,29 @@ template <int N>
 class LinearPath {
 public:
     static constexpr int SIZE = N;
-    LinearPath(const LinearFlight<N>& flight, Values z) : flight_(flight), z_(z), end_(flight.size()) {}
+    LinearPath(const LinearFlight<N>& flight, Values z)
+        : flight_(flight), z_(z), end_(flight.size()), turns_(flight.steps().is_usable() ? flight.steps().count() : 0),
+          later_(turns_.cosine.size()) {}
+
     int size() const { return flight_.size(); }
     Values begin() const { return z_; }
     template <class Out>
     void state(double t, Out&& out) const {
-        if (flight_.steps().is_usable()) flight_.steps().flow(z_, t, out);
-        else flight_.end(z_, t, out);
+        const Vector<double> to(out);
+        if (flight_.steps().is_usable()) flight_.steps().flow(z_, turns(t), to);
+        else flight_.end(z_, t, to);
+    }
+    /// The turns of the table of steps at a time. Next to the last time that took sines and exponentials it takes none.
+    const StepTable::Turns& turns(double t) const {
+        const StepTable& table = flight_.steps();
+        const double change = t - turned_;
+        if (!(std::fabs(change) <= table.slight())) {
+            table.turn(t, turns_);
+            turned_ = t;
+        }
+        if (t == turned_) return turns_;
+        table.turn_slightly(turns_, change, later_);
+        return later_;
     }
     void rate(Values state, Vector<double> out) const { flight_.rate(state, out); }
     bool is_steady() const { return flight_.is_steady(); }
@@ -257,6 +273,8 @@ private:
     const LinearFlight<N>& flight_;
     Values z_;
     mutable EndWaves<N> end_;
+    mutable StepTable::Turns turns_, later_;
+    mutable double turned_ = INFINITE;  // the time of turns_
 };
 
 /// The path of the flight from z, over a duration. A linear one is known at all times.
