@@ -163,8 +163,7 @@ def _kept_steps(paths: Paths, slot: int) -> tuple[np.ndarray, np.ndarray]:
 def modal_energies(system: ImpactSystem, states: np.ndarray) -> np.ndarray:
     """h of states (..., N) in modal coordinates, (...,)."""
     if system.smooth_forces is None:
-        weights = np.concatenate([system.modes.squares, np.ones(system.degrees_of_freedom)])
-        return np.asarray(0.5 * np.sum(weights * states * states, axis=-1))
+        return np.asarray(0.5 * np.sum(_weights(system.modes) * states * states, axis=-1))
     displacements, velocities = np.split(states @ system.modes.to_state.T, 2, axis=-1)
     return np.asarray(system.energy(displacements, velocities))
 
