@@ -30,8 +30,7 @@ def _files(folder):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the commands are those of a POSIX shell")
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["use first", "development first"])
-def test_both_commands_work_after_each_other_and_leave_nothing(tmp_path, order):
+def test_both_commands_work_after_each_other_and_leave_nothing(tmp_path):
     """Oracle: the same orbit each time, a figure, a core that is compiled once, and an environment that holds afterwards the files that it
     held before.
 
@@ -60,7 +59,7 @@ def test_both_commands_work_after_each_other_and_leave_nothing(tmp_path, order):
     (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     before = _files(packages) | _files(scripts)
     orbits, cores = set(), set()
-    for which in order * 2:
+    for which in (0, 1, 0):
         for old in copy.glob("*.png"):
             old.unlink()
         out = call(commands()[which])
