@@ -15,6 +15,7 @@ from branches.events import BranchEvent, DigitWork, Ended
 from branches.full_family import FullFamily, Piece, full_family
 from branches.orbit import OfProblem, Orbit
 from bvp.checks import Frozen, is_finite, real
+from bvp.dense import product
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.texts import brief, listed, shown, span
 
@@ -165,7 +166,7 @@ class Branch(OfProblem):
             raise TypeError(f"a point is an integer; received {shown(i)}, expected 0 to {len(self) - 1}") from None
         if not -len(self) <= i < len(self):
             raise IndexError(f"point {shown(i)} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
-        start = self.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
+        start = product(self.system.modes.from_state, np.concatenate([self.points["start_u"][i], self.points["start_v"][i]]))
         return self.problem.pack(start, None, self.points["flight_times"][i].copy())
 
     def orbit(self, i: int) -> Orbit:

@@ -23,6 +23,7 @@ from branches.presentation import starts_of
 from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
 from branches.steps import CoreSteps
 from bvp.closures import cycle_of
+from bvp.functions import cos, log
 from bvp.multipoint import MultipointProblem, Solution, lost_digits
 from bvp.stability import stability
 from continuation.control import Settings
@@ -46,7 +47,7 @@ _SHORT = 1e-3
 
 def multiplication(p: int, q: int) -> float:
     """Trace 2 cos(2 pi p/q) of the full-period map at a p:q resonance."""
-    return 2.0 * math.cos(2.0 * math.pi * p / q)
+    return 2.0 * float(cos(2.0 * math.pi * p / q))
 
 
 class Family(SolvedFamily):
@@ -112,7 +113,7 @@ class Family(SolvedFamily):
         # Of a quarter the trace +-2 cos(pi p/q) of the half map composed with u -> -u is followed: that of the full period, its square
         # less 2, passes a level twice where the former passes zero.
         if problem.quarters == 1:
-            self._resonant = [(p, q, sign * math.cos(math.pi * p / q)) for p, q in RESONANCES for sign in (2.0, -2.0)]
+            self._resonant = [(p, q, sign * cos(math.pi * p / q)) for p, q in RESONANCES for sign in (2.0, -2.0)]
         else:
             self._resonant = [(p, q, multiplication(p, q)) for p, q in RESONANCES]
         tests += [TestFunction("RT", "crossing", False, f"{p}:{q} resonance") for p, q, _ in self._resonant]
@@ -120,7 +121,7 @@ class Family(SolvedFamily):
         self.tests = tuple(tests[:ENDS_AND_FOLDS] if ends_only else tests)
         self.advance: Callable[..., Advance] | None = self._advance
         bounds = (*energy, quarter_period)
-        low, high, longest = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
+        low, high, longest = (log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
         self._limits = low, high, longest, core.SMOOTH_TANGENT_NOISE if problem.is_smooth else core.TANGENT_NOISE
         self._targets = [level for _, _, level in self._resonant]
 

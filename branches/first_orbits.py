@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from bvp.dense import inner, length, product, singular, solve
+from bvp.functions import hypot
 from continuation.problem import Step
 from continuation.switching import oriented
 
@@ -37,15 +39,15 @@ def is_denied(problem: Any, y: np.ndarray) -> bool:
     matrix = problem.jacobian(y) * problem.scales(y)
     if not np.isfinite(matrix).all():
         return False
-    singular = np.linalg.svd(matrix, compute_uv=False)
-    return bool(singular[-1] > _GAP * singular[0])
+    values, _ = singular(matrix)
+    return bool(values[-1] > _GAP * values[0])
 
 
 def shares_fold(family: Any, y: np.ndarray) -> bool:
     """Whether the parameter has an extremum along each of several families through an orbit: no null vector of the Jacobian changes it."""
     scale = family.problem.scales(y)
-    _, singular, rows = np.linalg.svd(family.jacobian(y) * scale)
-    null = rows[np.append(singular <= _GAP * singular[0], True)]
+    values, rows = singular(family.jacobian(y) * scale)
+    null = rows[np.append(values <= _GAP * values[0], True)]
     found = [_parameter(family, y, way * scale) for way in null]
     return len(found) > 1 and all(abs(slope) <= _CROSSING * abs(value) for value, slope in found)
 
@@ -62,15 +64,15 @@ def across_null_space(problem: Any, y: np.ndarray, known: np.ndarray, what: str)
     matrix = problem.jacobian(y) * scale
     if not np.isfinite(matrix).all():
         raise RuntimeError(f"{what}: a flight of the wider problem cannot be computed, or its derivatives")
-    _, singular, rows = np.linalg.svd(matrix)
-    if singular[-1] > _GAP * singular[0]:
+    values, rows = singular(matrix)
+    if values[-1] > _GAP * values[0]:
         raise RuntimeError(
-            f"{what} is no bifurcation of the wider problem: its smallest singular value is {singular[-1] / singular[0]:.1e}"
+            f"{what} is no bifurcation of the wider problem: its smallest singular value is {values[-1] / values[0]:.1e}"
         )
     null = rows[-2:]
-    along = null @ (known / scale)
-    across = np.array([-along[1], along[0]]) / np.hypot(along[0], along[1])
-    direction: np.ndarray = oriented(across @ null) * scale
+    along = product(null, known / scale)
+    across = np.array([-along[1], along[0]]) / hypot(along[0], along[1])
+    direction: np.ndarray = oriented(product(across, null)) * scale
     return direction
 
 
@@ -87,7 +89,7 @@ def _first(family: Any, y: np.ndarray, direction: np.ndarray, at_an_angle: bool)
     """A corrected orbit at a small distance in a direction, with its tangent pointing on."""
     problem = family.problem
     scale = problem.scales(y)
-    way = direction / scale / np.linalg.norm(direction / scale)
+    way = direction / scale / length(direction / scale)
     ds = DISTANCE
     value, slope = _parameter(family, y, way * scale) if at_an_angle else (0.0, 0.0)
     found = None
@@ -96,7 +98,7 @@ def _first(family: Any, y: np.ndarray, direction: np.ndarray, at_an_angle: bool)
         # On a smooth family from here the orbit at half the distance is about half way; another family nearby has none there.
         if there is not None and half is not None and np.max(np.abs(half - 0.5 * there)) < _BEND * np.max(np.abs(there)):
             begin = family.begin(y + there * scale)
-            if begin.converged and float(begin.tangent[: problem.unknowns] @ (there / scale)) < 0.0:
+            if begin.converged and inner(begin.tangent[: problem.unknowns], there / scale) < 0.0:
                 begin = family.step(begin.y, -begin.tangent, 0.0)
             if begin.converged:
                 solution = begin.extra
@@ -127,9 +129,9 @@ def _beside(problem: Any, y: np.ndarray, way: np.ndarray, scale: np.ndarray, dis
     for _ in range(12):
         there = y + apart * scale
         matrix = np.vstack([problem.jacobian(there) * scale, way])
-        residual = np.concatenate([problem.residual(there), [float(way @ apart) - distance]])
+        residual = np.concatenate([problem.residual(there), [inner(way, apart) - distance]])
         try:
-            change = np.linalg.solve(matrix, -residual)
+            change = solve(matrix, -residual)
         except np.linalg.LinAlgError:
             return None
         apart = apart + change

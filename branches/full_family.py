@@ -29,6 +29,7 @@ from branches.sequences import canonical_sequence, format_ends
 from branches.solved_family import AdvancedSteps
 from bvp.checks import read_only
 from bvp.closures import cycle_of
+from bvp.functions import exp, log
 from bvp.kernels.multipoint import ENERGY, QUARTER_PERIOD
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.saddles import approached
@@ -461,8 +462,8 @@ def _polished(family: Family, y: np.ndarray, tests: tuple[int, ...]) -> np.ndarr
 def _others(curve: _Curve, energies: tuple[float, float]) -> tuple[Piece, ...]:
     """The pieces of the family inside a range of energies, except the piece where the branch started."""
     # Places along the curve, counted in points, where it crosses a bound; between two of them it is inside or outside.
-    level = np.log(curve.h)
-    low, high = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in energies)
+    level = log(curve.h)
+    low, high = (log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in energies)
     places = [0.0, float(len(level) - 1)]
     for bound in (low, high):
         if math.isfinite(bound):
@@ -473,7 +474,7 @@ def _others(curve: _Curve, energies: tuple[float, float]) -> tuple[Piece, ...]:
     index = np.arange(len(level))
 
     def orbit(place: float) -> tuple[float, float]:
-        return math.exp(float(np.interp(place, index, level))), float(np.interp(place, index, curve.alpha))
+        return float(exp(np.interp(place, index, level))), float(np.interp(place, index, curve.alpha))
 
     runs = [(a, b) for a, b in itertools.pairwise(places) if b > a and low <= np.interp(0.5 * (a + b), index, level) <= high]
     if curve.closed and len(runs) > 1 and runs[0][0] == 0.0 and runs[-1][1] == places[-1]:

@@ -27,6 +27,8 @@ from branches.grazing.touching import EVERY, Touching, candidate, mode_label, mo
 from branches.sequences import PERIODIC
 from branches.tracing import follow_family
 from bvp.checks import checked_energy_range, require_system
+from bvp.dense import product, solve
+from bvp.functions import cos, sin
 from bvp.resting import resting_system
 from bvp.system import ImpactSystem
 from bvp.texts import brief, shown, span, takes_options_of
@@ -180,13 +182,13 @@ def response(mode: LinearMode, orbit: Touching) -> np.ndarray | None:
         swing = _swing(frequency, orbit.period)
         if not abs(swing) > _RESONANT:
             return None
-        out += np.outer(participation, participation) * np.cos(frequency * (apart - 0.5 * orbit.period)) / swing
+        out += np.outer(participation, participation) * cos(frequency * (apart - 0.5 * orbit.period)) / swing
     return out if out.any() else None
 
 
 def _swing(frequency: float, period: float) -> float:
     """What a mode's periodic response to an impulse is divided by: 0 in resonance with the period, and for a rigid-body mode."""
-    return 2.0 * frequency * math.sin(0.5 * frequency * period)
+    return 2.0 * frequency * float(sin(0.5 * frequency * period))
 
 
 def resonant_modes(mode: LinearMode, cover: int) -> list[LinearMode]:
@@ -206,10 +208,10 @@ def begins(matrix: np.ndarray, impacts: np.ndarray) -> int:
     impacts : (M,) bool
     """
     try:
-        impulses = np.linalg.solve(matrix[np.ix_(impacts, impacts)], np.ones(int(np.sum(impacts))))
+        impulses = solve(matrix[np.ix_(impacts, impacts)], np.ones(int(np.sum(impacts))))
     except np.linalg.LinAlgError:
         return 0
-    gaps = 1.0 - matrix[np.ix_(~impacts, impacts)] @ impulses
+    gaps = 1.0 - product(matrix[np.ix_(~impacts, impacts)], impulses)
     size = float(np.max(np.abs(impulses)))
     for side in (1, -1):
         if np.all(side * impulses > -_MARGIN * size) and np.all(side * gaps < _MARGIN):

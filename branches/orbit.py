@@ -12,6 +12,7 @@ import numpy as np
 from branches.naming.labels import ImpossibleLabelError, Label
 from bvp.checks import Frozen, read_only
 from bvp.closures import Cycle, cycle_of
+from bvp.dense import product
 from bvp.kernels import multipoint as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, floquet_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
@@ -233,8 +234,8 @@ def orbit_columns(
     rows = solutions if isinstance(solutions, Solution) else stacked(solutions)
     count, n, size = len(rows.y), problem.half, problem.size
     entry = dict(zip(RESULT_INDEX, rows.result.T, strict=True))
-    starts = rows.y[:, : problem.parameters] @ problem.start_map.T + problem.start_offset
-    physical = starts @ problem.modes.to_state.T
+    starts = product(rows.y[:, : problem.parameters], problem.start_map.T) + problem.start_offset
+    physical = product(starts, problem.modes.to_state.T)
     last = problem.parameters + problem.inner * (size + 1) + 1
     waves = np.maximum(entry["waves_absorber"].astype(int), 1)
     frequency = 2.0 * np.pi / (4.0 * entry["quarter_period"])
@@ -265,9 +266,9 @@ def impact_speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarr
     (N, 2 n) and at the end of each flight (N, k + 1, 2 n)."""
     side, rate, contact = problem.modes.contacts.side, problem.modes.contacts.rate, problem.contacts.tolist()
     hits = problem.inner + (problem.kinds[1] in (kernel.STOP, kernel.PERIODIC))
-    speeds = [side[contact[i]] * (ends[:, i] @ rate[contact[i]]) for i in range(hits) if contact[i] >= 0]
+    speeds = [side[contact[i]] * product(ends[:, i], rate[contact[i]]) for i in range(hits) if contact[i] >= 0]
     if problem.kinds[0] == kernel.STOP:
-        speeds.insert(0, -side[contact[-1]] * (starts @ rate[contact[-1]]))
+        speeds.insert(0, -side[contact[-1]] * product(starts, rate[contact[-1]]))
     return np.array(speeds).reshape(-1, len(ends)).T
 
 

@@ -21,6 +21,8 @@ import numpy as np
 
 from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, full_sequence, mirror, segments_per_period
 from bvp.closures import Cycle, cycle_of
+from bvp.dense import product
+from bvp.functions import cos, exp
 from bvp.kernels.multipoint import ORIGIN, STOP
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.smooth_cycles import covers, is_without_impacts, reversal_instants, start_instants, states_at
@@ -104,7 +106,7 @@ def presentation_between(cycle: Cycle, first: float, last: float, kinds: tuple[s
         start = after[nearest[0]]
     else:
         u, v = cycle.sample(np.array([first]))
-        start = cycle.system.modes.from_state @ np.concatenate([u[0], v[0]])
+        start = product(cycle.system.modes.from_state, np.concatenate([u[0], v[0]]))
     stamps = np.concatenate([[first], instants[inner], [last]])
     sequence = tuple(cycle.letters[i % count] for i in inner)
     return Presentation((ends[0], ends[1]), sequence, start, after[[i % count for i in inner]], np.diff(stamps))
@@ -480,4 +482,4 @@ def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> 
     phase = 2.0 * np.pi * parts
     stop, side = system.modes.contact_stop[contact], system.modes.contacts.side[contact]
     same_side = np.where(stop[:, None] == stop, 2.0 + side[:, None] * side, 1.0)
-    return float(np.mean(same_side * np.exp(np.cos(phase[:, None] - phase))))
+    return float(np.mean(same_side * exp(cos(phase[:, None] - phase))))

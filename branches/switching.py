@@ -27,6 +27,7 @@ from branches.presentation import canonical_orbit, embed, solved, starts_of, sym
 from branches.tracing import follow_family
 from bvp.checks import require_branch
 from bvp.closures import cycle_of
+from bvp.dense import inner, length
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.stability import stability
 from bvp.texts import takes_options_of
@@ -67,12 +68,12 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, direction: np
         Those first that give the same orbit started elsewhere, then those that change least.
     """
     scale = problem.scales(middle)
-    side = middle + BESIDE / np.linalg.norm(direction / scale) * direction
-    along = known / scale / np.linalg.norm(known / scale)
+    side = middle + BESIDE / length(direction / scale) * direction
+    along = known / scale / length(known / scale)
 
     def across(change: np.ndarray) -> float:
         scaled = change / scale
-        return float(np.max(np.abs(scaled - (scaled @ along) * along)))
+        return float(np.max(np.abs(scaled - inner(scaled, along) * along)))
 
     cycles = [cycle_of(problem, y) if problem.periodic else None for y in (middle, side)]
     count = min(starts_of(cycle) if cycle else 1 for cycle in cycles)
@@ -266,7 +267,7 @@ def _printed(problem: MultipointProblem, middle: np.ndarray, step: Step) -> tupl
     if not begin.converged:
         return problem, step
     away = (begin.y - embed(problem, middle, (1, 2)).unknowns(turned)) / turned.scales(begin.y) ** 2
-    if float(away @ begin.tangent[: turned.unknowns]) < 0.0:
+    if inner(away, begin.tangent[: turned.unknowns]) < 0.0:
         begin = family.step(begin.y, -begin.tangent, 0.0)
     return turned, begin
 

@@ -21,6 +21,7 @@ from branches.normal_forms import normal_form_at, with_normal_forms
 from branches.orbit import Orbit, orbit_columns
 from branches.solved_family import begun_along
 from bvp.checks import checked_energy_range, require_branch
+from bvp.functions import hypot
 from bvp.interrupts import defer_interrupts
 from bvp.multipoint import MultipointProblem
 from bvp.saddles import REACHED, Saddle, approached, farther_out
@@ -387,7 +388,8 @@ def record_of_event(
     details = event.details
     label, _, note = event_along(event, backward)
     stable = stable_at_event(event.code, columns, index)
-    largest = float(np.max(np.abs(columns["multipliers"][index]), initial=0.0)) or 1.0  # without nontrivial ones, the trivial ones
+    multipliers = columns["multipliers"][index]
+    largest = float(np.max(hypot(multipliers.real, multipliers.imag), initial=0.0)) or 1.0  # without nontrivial ones, the trivial ones
     return BranchEvent(
         name, event.code, point, number, float(columns["h"][index]), float(columns["alpha"][index]), event.arclength, event.status,
         (float(event.bracket[0]), float(event.bracket[1])), event.residual, label, details.get("stop"), details.get("p_q"),

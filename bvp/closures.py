@@ -237,7 +237,7 @@ class Cycle:
         begins = np.concatenate([[self.times[-1] - self.period], self.times])
         flights = np.concatenate([self.after[-1:], self.after])
         sample_path(self.system, begins, flights, np.mod(times, self.period), states)
-        physical = states @ modes.to_state.T
+        physical = product(states, modes.to_state.T)
         return physical[:, :n], physical[:, n:]
 
 

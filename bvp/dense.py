@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import saltus_core as core
 
-__all__ = ["cholesky", "eigenvalues", "jacobi", "length", "orthonormal", "product", "quadratic", "singular", "solve"]
+__all__ = ["cholesky", "eigenvalues", "inner", "jacobi", "length", "orthonormal", "product", "quadratic", "roots", "singular", "solve"]
 
 
 def _numbers(values: Any) -> np.ndarray:
@@ -33,6 +33,11 @@ def product(*factors: np.ndarray) -> np.ndarray:
 def quadratic(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """x . matrix x for each column x of an (n, k), (k,)."""
     return product(columns.T, matrix, columns).diagonal().copy()
+
+
+def inner(a: np.ndarray, b: np.ndarray) -> float:
+    """The inner product of two vectors."""
+    return float(product(a, b))
 
 
 def length(vector: np.ndarray) -> float:
@@ -75,22 +80,37 @@ def eigenvalues(matrix: np.ndarray) -> np.ndarray:
     return np.asarray(core.eigenvalues(_numbers(matrix)))
 
 
+def roots(coefficients: np.ndarray) -> np.ndarray:
+    """The roots of a polynomial, complex; coefficients of its powers descending, of which the first ones can be zero.
+
+    Examples
+    --------
+    >>> sorted(roots(np.array([0.0, 1.0, 0.0, -1.0])).real.tolist())
+    [-1.0, 1.0]
+    """
+    kept = coefficients[np.argmax(coefficients != 0.0) :]
+    companion = np.eye(len(kept) - 1, k=-1)
+    companion[:1] = -kept[1:] / kept[0]
+    return eigenvalues(companion)
+
+
 def orthonormal(columns: np.ndarray) -> np.ndarray:
     """The orthogonal Q (n, n) of columns = Q R, (n, k): its first columns span those, and the others are orthogonal to them."""
     return np.asarray(core.orthonormal(_numbers(columns)))
 
 
 def singular(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The singular values (k,) of a matrix (m, k), descending, and unit rows (k, k): the directions in which it has them. Those beyond its
-    rank are rounding.
+    """The singular values of a matrix (m, k), descending, as many as the smaller of m and k, and orthonormal rows (k, k): the directions
+    in which it has them first.
 
     Examples
     --------
     >>> values, rows = singular(np.array([[0.0, 3.0, 0.0]]))
     >>> values.tolist(), np.abs(rows[0]).tolist()
-    ([3.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    ([3.0], [0.0, 1.0, 0.0])
     """
-    return core.singular_directions(_numbers(matrix))
+    values, rows = core.singular_directions(_numbers(matrix))
+    return values[: min(matrix.shape)], rows
 
 
 def jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

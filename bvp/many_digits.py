@@ -20,6 +20,7 @@ import mpmath as mp
 import numpy as np
 from mpmath.libmp import from_man_exp, mpf_cos_sin, mpf_cosh_sinh, to_fixed
 
+from bvp.dense import orthonormal, product, solve
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP
 from bvp.multipoint import MultipointProblem
 from bvp.stability import DECISION, balance, verdict
@@ -430,7 +431,7 @@ class _Equations:
                 rows(1, (i + 1, motion.gaps[stop]))
             elif self.problem.periodic:
                 rows(size - 1, (i, motion.impact(stop, landing).T[self.kept]), (0, -unit[self.kept]))
-        rows(len(self.last[0]), (inner, _double(self.last[0]) @ landing.T))
+        rows(len(self.last[0]), (inner, product(_double(self.last[0]), landing.T)))
         if self.quarter_period is not None:
             rows(1)
             out[-1][:, :, -1] = 1.0
@@ -452,9 +453,13 @@ class _Equations:
             worst, kept = size, self.x
             if size > _NEAR * self.speed or not inverse.size:
                 # The least correction, in units of the sizes: J' = Q R, J^+ = Q R'^-1.
-                q, r = np.linalg.qr((self.jacobian() * self.sizes).T)
-                inverse = self.sizes[:, None] * np.linalg.solve(r, q.T).T
-            update = inverse @ (residual / max(size, 1)).astype(float)
+                matrix = (self.jacobian() * self.sizes).T
+                q = orthonormal(matrix)[:, : matrix.shape[1]]
+                try:
+                    inverse = self.sizes[:, None] * solve(product(q.T, matrix), q.T).T
+                except np.linalg.LinAlgError:
+                    break
+            update = product(inverse, (residual / max(size, 1)).astype(float))
             if not np.isfinite(update).all():
                 break
             self.x = self.x - (_whole(update.reshape(self.x.shape)) * size >> BITS)

@@ -17,6 +17,7 @@ import numpy as np
 from bvp.blocks import REFINEMENTS, Blocks, Matrices, blocks_of, exact, exact_product
 from bvp.checks import EPSILON, read_only
 from bvp.dense import cholesky, jacobi, product, quadratic, solve
+from bvp.functions import log
 
 if TYPE_CHECKING:
     from bvp.kernels.flight import Contacts, Flight
@@ -73,7 +74,7 @@ class Modes(Blocks):
         """Orbits in the metric of the arclength, equation (33): modal start states (.., N), energies and quarter periods (..)."""
         scaled = states / np.sqrt(2.0 * np.asarray(h))[..., None]
         scaled[..., : len(self.squares)] *= 2.0**self.pace if np.any(self.frequencies > 0.0) else 1.0 / np.asarray(alpha)[..., None]
-        return np.concatenate([scaled, np.log(h)[..., None], np.log(alpha)[..., None]], axis=-1)
+        return np.concatenate([scaled, np.asarray(log(h))[..., None], np.asarray(log(alpha))[..., None]], axis=-1)
 
 
 def system_modes(system: Any) -> Modes:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
+from bvp.dense import product
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC
 from bvp.orbits import DIVERGED, GROWN, RESULT_INDEX, ROUNDS, SOLVED, UNSETTLED, Orbits, Solution
@@ -167,7 +168,7 @@ class MultipointProblem:
         elif self.pieces > 1:
             nodes = self._with_cuts(start, np.asarray(nodes, float), times)
         y = np.zeros(self.unknowns)
-        y[: self.parameters] = self.start_map.T @ (start - self.start_offset)
+        y[: self.parameters] = product(self.start_map.T, start - self.start_offset)
         self.flight_times(y)[:] = times[: self.inner + 1]
         self.nodes(y)[:] = np.asarray(nodes, float)[: self.inner].reshape(self.inner, self.size)
         return y
@@ -233,7 +234,7 @@ class MultipointProblem:
 
     def start(self, y: np.ndarray) -> np.ndarray:
         """Start state (N,)."""
-        return self.start_map @ y[: self.parameters] + self.start_offset
+        return product(self.start_map, y[: self.parameters]) + self.start_offset
 
     def energy(self, y: np.ndarray) -> float:
         """h at the start."""
@@ -366,7 +367,7 @@ def observed_of(system: ImpactSystem) -> Observed:
     modes = system.modes
     size = 2 * system.degrees_of_freedom
     n = system.degrees_of_freedom
-    gap = np.array([modes.to_state[:n].T @ np.asarray(stop.gap) for stop in system.stops]).reshape(-1, size)
+    gap = np.array([product(modes.to_state[:n].T, np.asarray(stop.gap)) for stop in system.stops]).reshape(-1, size)
     velocity = np.zeros((0, size))
     if system.absorber is not None and system.primary is not None:
         velocity = modes.to_state[[n + system.absorber, n + system.primary]]
@@ -374,7 +375,7 @@ def observed_of(system: ImpactSystem) -> Observed:
     rows = np.empty((len(row), 4, size))
     for k in range(4):
         rows[:, k] = row
-        row = row @ modes.matrix
+        row = product(row, modes.matrix)
     bounds = np.repeat([[-np.inf], [np.inf]], len(system.stops), axis=1)
     bounds[(modes.contacts.side > 0.0).astype(int), modes.contact_stop] = modes.contacts.bound
     return Observed(rows, bounds)

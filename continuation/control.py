@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import saltus_core
 
+from bvp.functions import cos
+
 if TYPE_CHECKING:
     from continuation.problem import TestFunction
 
@@ -52,7 +54,7 @@ class Control(NamedTuple):
 def control_of(settings: Settings) -> Control:
     """The settings as the functions here use them."""
     return Control(
-        math.cos(settings.maximum_turn),
+        float(cos(settings.maximum_turn)),
         float(settings.maximum_contraction),
         2.0 / settings.target_turn**2,  # turn angle^2 ~ 2 (1 - cosine)
         1.0 / settings.target_contraction,

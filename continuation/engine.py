@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from bvp.dense import inner, length
 from continuation.bracketing import StepRefused, bracketed_root
 from continuation.control import (
     ACCEPTED,
@@ -414,6 +415,6 @@ def landing(problem: Problem, settings: Settings, goal: Goal, before: Point, aft
         return None
     # Behind a tangent its curvature can stand, which is not known at every start.
     one, other = step.tangent[: step.y.size], target.tangent[: step.y.size]
-    if not float(one @ other) > _PARALLEL * float(np.linalg.norm(one)) * float(np.linalg.norm(other)):
+    if not inner(one, other) > _PARALLEL * length(one) * length(other):
         return None  # another branch through the same point
     return found.root, step

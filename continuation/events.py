@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from bvp.dense import inner
 from continuation.bracketing import StepRefused
 from continuation.control import NEAR_BRANCH_POINT, Settings, arclength_of, distance, kinds_of
 from continuation.location import JUMP_RATIO, STEEP, History, Location, Locator
@@ -280,7 +281,7 @@ class EventFinder:
                 near.append((float(k), value))
         if len(near) > _BESIDE:
             places, around = (column - column.mean() for column in np.array(near).T)
-            slope = float(places @ around / (places @ places))  # of the straight line of least squares
+            slope = inner(places, around) / inner(places, places)  # of the straight line of least squares
             noise = max(noise, _SURE * float(np.max(np.abs(around - slope * places))))
             reach = 2.0 * width * noise / abs(slope) if slope else 0.0
             for place in (last.s - reach, last.s + reach):

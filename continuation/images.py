@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from bvp.dense import inner, product
 from continuation.control import NEAR_GOAL
 from continuation.problem import Goal, Problem, Step
 
@@ -64,7 +65,7 @@ class Images:
                 at, then = self._problem.begin(start), self._problem.begin(ahead)
                 if not (at.converged and then.converged) or self._is_first(at):
                     continue
-                if float(at.tangent[: at.y.size] @ (then.y - at.y)) < 0.0:
+                if inner(at.tangent[: at.y.size], then.y - at.y) < 0.0:
                     at = self._problem.step(at.y, -at.tangent, 0.0)
                 self._goals.append(Goal(at, np.asarray(then.position) - np.asarray(at.position)))
         return self._goals
@@ -88,7 +89,7 @@ class Images:
             positions = np.array([before.position, *(steps[k].position for k in range(count))])
             chords = np.linalg.norm(np.diff(positions, axis=0), axis=1)
             apart = positions - np.asarray(goal.step.position)
-            heights = apart @ goal.direction
+            heights = product(apart, np.asarray(goal.direction))
             passed = (heights[:-1] < 0.0) & (heights[1:] >= 0.0) & (np.linalg.norm(apart[1:], axis=1) <= NEAR_GOAL * chords)
             count = int(np.argmax(passed)) if passed.any() else count
         return count

@@ -16,6 +16,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from bvp.dense import length
+from bvp.functions import cos
 from continuation.between import ASIDE, cubic_between, goes_aside
 from continuation.bracketing import RootBracket, StepRefused, bracketed_root
 from continuation.control import Settings
@@ -104,7 +106,7 @@ class Locator:
         self.history = history
         self.problem = problem
         self._settings = settings
-        self._least_turn = math.cos(settings.maximum_turn)
+        self._least_turn = float(cos(settings.maximum_turn))
         compiled = getattr(problem, "advance", None) is not None
         self._between: Callable[..., tuple[Step, bool]] | None = getattr(problem, "step_between", None) if compiled else None
         self._narrow: Callable[..., list[tuple[float, Step]]] | None = getattr(problem, "narrow", None) if compiled else None
@@ -178,7 +180,7 @@ class Locator:
         """Whether the unknowns change in another direction at one of two known steps than at the other: they are of two families."""
         slope, other = (self._slope(s, self._known[s]) for s in (low, high))
         change = other - slope
-        return math.sqrt(change @ change) > ASIDE * (math.sqrt(slope @ slope) + math.sqrt(other @ other))
+        return length(change) > ASIDE * (length(slope) + length(other))
 
     def value(self, index: int, s: float) -> float:
         """Value of a test function at the step of length s; `StepRefused` where it is not defined."""

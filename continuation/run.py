@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from bvp.dense import length
 from continuation.control import Settings
 from continuation.engine import Allowance, StopWhen, first_step, follow_in_blocks
 from continuation.events import EventFinder, make_event
@@ -135,7 +136,7 @@ def _both_halves(
     last = np.asarray(forward.points[-1].step.position, dtype=float)
     for k in range(len(forward.points) - 2, -1, -1):
         way = np.asarray(forward.points[k].step.position, dtype=float) - last
-        if float(np.linalg.norm(way)) > settings.coincidence_tolerance:
+        if length(way) > settings.coincidence_tolerance:
             goal = Goal(_turned_round(problem, forward.points[-1].step), way)
             break
     items = follow_in_blocks(problem, opposite, settings, stop_when, stop_at, allowance, goal)

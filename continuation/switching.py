@@ -9,6 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
+from bvp.dense import inner, length, product, roots, singular, solve
+from bvp.functions import cos, hypot
 from continuation.control import Settings
 from continuation.problem import Event, Problem, Step
 
@@ -80,18 +82,19 @@ def branch_directions(
     y = np.asarray(y, dtype=float)
     weights = getattr(problem, "weights", None)
     scale = np.ones(y.size) if weights is None else 1.0 / np.sqrt(np.asarray(weights, dtype=float))
-    left, values, right = np.linalg.svd(np.asarray(problem.jacobian(y), dtype=float) * scale)
+    jacobian = np.asarray(problem.jacobian(y), dtype=float) * scale
+    values, right = singular(jacobian)
     n = values.size
-    psi = left[:, -1]
+    psi = singular(jacobian.T)[1][-1]
     basis = (scale * right[n - 1], scale * right[n])
 
     def curvature(a: np.ndarray, b: np.ndarray) -> float:
         second = getattr(problem, "second_derivative", None)
         if second is not None:
-            return float(psi @ np.asarray(second(y, a, b), dtype=float))
-        step = _DIFFERENCE * (1.0 + float(np.linalg.norm(y))) / float(np.linalg.norm(b))
+            return inner(psi, np.asarray(second(y, a, b), dtype=float))
+        step = _DIFFERENCE * (1.0 + length(y)) / length(b)
         difference = np.asarray(problem.jacobian(y + step * b)) - np.asarray(problem.jacobian(y - step * b))
-        return float(psi @ (difference @ a)) / (2.0 * step)
+        return float(product(psi, difference, a)) / (2.0 * step)
 
     c11, c12, c22 = curvature(basis[0], basis[0]), curvature(basis[0], basis[1]), curvature(basis[1], basis[1])
     size = math.sqrt(c11 * c11 + 2 * c12 * c12 + c22 * c22)
@@ -116,9 +119,9 @@ def branch_directions(
     directions = []
     for x, z in ((lead, c11), (c22, lead)):
         vector = x * basis[0] + z * basis[1]
-        directions.append(scale * oriented(vector / scale) / float(np.linalg.norm(vector / scale)))
+        directions.append(scale * oriented(vector / scale) / length(vector / scale))
     known = np.asarray(tangent, dtype=float) / scale
-    alignment = [abs(float(known @ (vector / scale))) for vector in directions]
+    alignment = [abs(inner(known, vector / scale)) for vector in directions]
     if alignment[0] > alignment[1]:
         directions.reverse()
     other, same = directions
@@ -164,8 +167,8 @@ def other_branch_starts(
     for direction in (forward, backward):
         for halvings in range(11):
             step = problem.step(event.point.y, direction, distance * 0.5**halvings)
-            enough = math.cos(settings.maximum_turn)
-            if step.converged and step.turn >= enough and step.turn > abs(float(step.tangent @ (metric * known))):
+            enough = cos(settings.maximum_turn)
+            if step.converged and step.turn >= enough and step.turn > abs(inner(step.tangent, metric * known)):
                 steps.append(step)
                 break
     if not steps:
@@ -215,9 +218,9 @@ def refine_branch_point(
     """
     place = np.asarray(y, dtype=float)
     scale = np.ones(place.size) if scale is None else scale
-    psi = np.linalg.svd(np.asarray(equations.jacobian(place), dtype=float) * scale)[0][:, -1]
+    psi = singular((np.asarray(equations.jacobian(place), dtype=float) * scale).T)[1][-1]
     n = psi.size
-    excess, last, length = 0.0, math.inf, 0.0
+    excess, last, moved_by = 0.0, math.inf, 0.0
     blocks: Sequence[np.ndarray] = getattr(equations, "curvature_blocks", (np.arange(n + 1),))
     alone = np.setdiff1d(np.arange(n + 1), np.concatenate(blocks))
     groups = []  # for each difference of F': the unknowns moved, and the places in psi . F'' that it gives
@@ -233,31 +236,31 @@ def refine_branch_point(
         matrix[:n, : n + 1] = jacobian
         matrix[:n, n + 1 : -1] = excess * np.eye(n)
         matrix[:n, -1] = psi
-        if not 0.0 < length <= _SHRUNK * last:
-            slope = psi @ jacobian
-            bend = np.repeat((scale * (psi @ plain) - slope)[:, None], n + 1, axis=1)  # psi . F''; rounding where it is 0
+        if not 0.0 < moved_by <= _SHRUNK * last:
+            slope = product(psi, jacobian)
+            bend = np.repeat((scale * product(psi, plain) - slope)[:, None], n + 1, axis=1)  # psi . F''; rounding where it is 0
             for moved, rows, columns in groups:
                 apart = np.zeros(n + 1)
                 apart[moved] = _NEWTON_DIFFERENCE * scale[moved]
-                bend[rows, columns] = (scale * (psi @ np.asarray(equations.jacobian(place + apart))) - slope)[rows]
+                bend[rows, columns] = (scale * product(psi, np.asarray(equations.jacobian(place + apart))) - slope)[rows]
             bend[alone] = bend[:, alone].T
             matrix[n : 2 * n + 1, : n + 1] = bend / _NEWTON_DIFFERENCE
         matrix[n : 2 * n + 1, n + 1 : -1] = jacobian.T
         matrix[-1, n + 1 : -1] = psi
         residual = np.concatenate(
-            [np.asarray(equations.residual(place)) + excess * psi, jacobian.T @ psi, [0.5 * (float(psi @ psi) - 1.0)]]
+            [np.asarray(equations.residual(place)) + excess * psi, product(jacobian.T, psi), [0.5 * (inner(psi, psi) - 1.0)]]
         )
         try:
-            step = np.linalg.solve(matrix, -residual)
+            step = solve(matrix, -residual)
         except np.linalg.LinAlgError:
             return None
         place = place + scale * step[: n + 1]
         psi = psi + step[n + 1 : -1]
         excess += float(step[-1])
-        if not np.linalg.norm((place - y) / scale) < farthest:
+        if not length((place - y) / scale) < farthest:
             return None
-        last, length = length or math.inf, float(np.linalg.norm(step[: n + 1]))
-        if length < _STAGNATED:
+        last, moved_by = moved_by or math.inf, length(step[: n + 1])
+        if moved_by < _STAGNATED:
             return place if abs(excess) < _STAGNATED else None
     return None
 
@@ -290,21 +293,22 @@ def tripling_direction(equations: Equations, y: np.ndarray, known: np.ndarray, s
     ----------
     V. I. Arnold, Geometrical Methods in the Theory of Ordinary Differential Equations, Springer (1983), section 34.
     """
-    left, values, right = np.linalg.svd(np.asarray(equations.jacobian(y), dtype=float) * scale)
+    jacobian = np.asarray(equations.jacobian(y), dtype=float) * scale
+    values, right = singular(jacobian)
     if not (values[-2] < _ZERO * values[0] and values[-3] > _FULL * values[0]):
         raise SwitchError(
             "the null space of the Jacobian has not three dimensions there "
             f"(singular values {values[-3]:.3g}, {values[-2]:.3g}, {values[-1]:.3g})"
         )
-    psi = left[:, -2:].T
+    psi = singular(jacobian.T)[1][-2:]
     null = right[-3:]
-    along = null @ (known / scale)
-    frame = np.linalg.svd(along[None, :])[2] @ null  # the known tangent first, then two at right angles to it
+    along = product(null, known / scale)
+    frame = product(singular(along[None, :])[1], null)  # the known tangent first, then two at right angles to it
 
     def second(a: np.ndarray) -> np.ndarray:
         apart = _DIFFERENCE * scale * a
         change = np.asarray(equations.jacobian(y + apart)) - np.asarray(equations.jacobian(y - apart))
-        table: np.ndarray = psi @ (change * scale) @ frame.T / (2.0 * _DIFFERENCE)
+        table: np.ndarray = product(psi, change * scale, frame.T) / (2.0 * _DIFFERENCE)
         return table
 
     by_known, by_first, by_second = (second(vector) for vector in frame)
@@ -317,15 +321,15 @@ def tripling_direction(equations: Equations, y: np.ndarray, known: np.ndarray, s
     if not np.max(np.abs(cubic)) > _ZERO * np.max(np.abs(linear)) ** 2:
         raise SwitchError("the directions of tripled solutions are not decided at second order there")
     # z = (r, 1); a root at infinity, where the cubic's leading entry vanishes, is one of three.
-    roots = np.roots(cubic)
-    real = roots[np.abs(roots.imag) <= _REAL * np.abs(roots)].real
+    found = roots(cubic)
+    real = found[np.abs(found.imag) <= _REAL * np.abs(found)].real
     if real.size == 0:
         raise SwitchError("the directions of tripled solutions are not real there")
-    z = np.array([real[0], 1.0]) / np.hypot(real[0], 1.0)
-    forced = linear @ z
+    z = np.array([real[0], 1.0]) / hypot(real[0], 1.0)
+    forced = product(linear, z)
     bent = q11 * z[0] ** 2 + 2.0 * q12 * z[0] * z[1] + q22 * z[1] ** 2
-    size = float(forced @ forced)
+    size = inner(forced, forced)
     if size == 0.0:
         raise SwitchError("the multipliers do not pass through their place there")
-    direction: np.ndarray = scale * (np.array([-float(forced @ bent) / size, *z]) @ frame)
+    direction: np.ndarray = scale * product(np.array([-inner(forced, bent) / size, *z]), frame)
     return direction

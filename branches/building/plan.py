@@ -17,6 +17,7 @@ from branches.catalogue.rows import EventOrbit
 from branches.presentation import Presentation, canonical_orbit
 from branches.search.known import Boxes
 from branches.sequences import PERIODIC, impacts_per_period
+from bvp.functions import exp, log
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -128,14 +129,14 @@ def level_energies(level: int, energy: tuple[float, float]) -> list[float]:
     >>> [round(h, 3) for h in level_energies(0, (1.0, 2.0))], [round(h, 3) for h in level_energies(1, (1.0, 2.0))]
     ([1.0, 1.189, 1.682, 2.0], [1.414])
     """
-    low, high = np.log(energy)
+    low, high = log(energy)
     count = _count(energy)
     if level == 0:
         parts = np.concatenate([[INSIDE], (np.arange(count) + 0.5) / count, [1.0 - INSIDE]])
     else:
         fine = count * 2 ** (level - 1)
         parts = np.arange(1, fine) / fine if level == 1 else (np.arange(fine) + 0.5) / fine
-    return [float(h) for h in np.exp(low + parts * (high - low))]
+    return [float(h) for h in exp(low + parts * (high - low))]
 
 
 def open_ranges(levels: int, energy: tuple[float, float], without: Collection[float]) -> list[tuple[float, float]]:
@@ -151,13 +152,13 @@ def open_ranges(levels: int, energy: tuple[float, float], without: Collection[fl
     """
     every = np.sort([h for level in range(levels) for h in level_energies(level, energy)])
     kept = np.array([energy[0], *every[~np.isin(every, list(without))], energy[1]])
-    step = math.log(energy[1] / energy[0]) / (_count(energy) * 2 ** (levels - 1))
-    wide = np.flatnonzero(np.diff(np.log(kept)) > (GAPS + 0.5) * step)
+    step = log(energy[1] / energy[0]) / (_count(energy) * 2 ** (levels - 1))
+    wide = np.flatnonzero(np.diff(log(kept)) > (GAPS + 0.5) * step)
     return [(float(kept[i]), float(kept[i + 1])) for i in wide]
 
 
 def _count(energy: tuple[float, float]) -> int:
-    return max(2, math.ceil(math.log(energy[1] / energy[0]) / COARSE))
+    return max(2, math.ceil(log(energy[1] / energy[0]) / COARSE))
 
 
 class Seed(NamedTuple):

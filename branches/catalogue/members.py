@@ -29,6 +29,7 @@ from branches.search.known import Boxes, Kind, boxes_between
 from branches.sequences import PERIODIC, Ends, ImpactSequence, format_ends, impacts_per_period
 from bvp.checks import require_branch
 from bvp.closures import cycle_of
+from bvp.dense import inner, length, product
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.smooth_flights import flight_of, modal_energies, sample_path
 
@@ -74,7 +75,7 @@ class _Curve:
     def __init__(self, branch: Branch) -> None:
         columns = branch.points
         modes = branch.system.modes
-        states = np.hstack([columns["start_u"], columns["start_v"]]) @ modes.from_state.T
+        states = product(np.hstack([columns["start_u"], columns["start_v"]]), modes.from_state.T)
         self.branch = branch
         self.positions = modes.position(states, columns["h"], columns["alpha"])
         self.chords = np.diff(self.positions, axis=0)
@@ -101,7 +102,7 @@ class _Curve:
             j = i + (along > 0.5)
             columns = branch.points
             longest = float(np.max(times))
-            here = float(np.linalg.norm(position - self.positions[j]))
+            here = length(position - self.positions[j])
             if here <= ON:
                 if (np.abs(columns["flight_times"][j] - times) <= 10.0 * ON * longest).all():
                     return float(columns["arclength"][j])
@@ -226,7 +227,7 @@ def event_orbit(problem: MultipointProblem, y: np.ndarray) -> EventOrbit:
 
 def kept_orbit(system: ImpactSystem, presentation: Presentation) -> EventOrbit:
     """One presentation of an orbit, as an edge stores it."""
-    start = system.modes.to_state @ presentation.start
+    start = product(system.modes.to_state, presentation.start)
     return EventOrbit(presentation.ends, "".join(presentation.sequence), tuple(start.tolist()), tuple(map(float, presentation.times)))
 
 
@@ -258,12 +259,12 @@ def _windows(problem: MultipointProblem, ends: Ends, sequence: ImpactSequence) -
     if problem.periodic:
         return []
     found: list[tuple[int, int] | int] = []
-    for length in range(1, _LONGEST + 1):
+    for span in range(1, _LONGEST + 1):
         for first in range(4):
-            at_stops = sum(kinds[place % 2] == "stop" for place in range(first + 1, first + length))
-            same = (kinds[first % 2], kinds[(first + length) % 2]) == (_kind(ends[0]), _kind(ends[1]))
-            if same and length * inner + at_stops == len(sequence):
-                found.append((first, first + length))
+            at_stops = sum(kinds[place % 2] == "stop" for place in range(first + 1, first + span))
+            same = (kinds[first % 2], kinds[(first + span) % 2]) == (_kind(ends[0]), _kind(ends[1]))
+            if same and span * inner + at_stops == len(sequence):
+                found.append((first, first + span))
     return found
 
 
@@ -319,7 +320,7 @@ def switch_edge(source: Branch, event: BranchEvent, target: Branch, target_event
 
 def unknowns_of(problem: MultipointProblem, orbit: EventOrbit) -> np.ndarray:
     """Unknowns of a problem from a stored orbit: its start and flight times, and nodes by exact flight."""
-    start = problem.modes.from_state @ np.array(orbit.start)
+    start = product(problem.modes.from_state, np.array(orbit.start))
     return problem.pack(start, None, np.array(orbit.flight_times))
 
 
@@ -347,16 +348,16 @@ def distances_from_orbit(problem: MultipointProblem, y: np.ndarray, states: Iter
             t = times[j] * durations[i]
             for _ in range(8):
                 state, rate = paths[i].motion(float(t))
-                last, t = t, min(max(t + rate @ (image - state) / (rate @ rate), 0.0), durations[i])
+                last, t = t, min(max(t + inner(rate, image - state) / inner(rate, rate), 0.0), durations[i])
                 if t == last:
                     break
-            best = min(best, float(np.linalg.norm(paths[i].state(float(t)) - image)))
+            best = min(best, length(paths[i].state(float(t)) - image))
         return best
 
     out = []
     for start in states:
-        images = [problem.modes.from_state @ (sign * way * start) for sign in signs for way in (np.ones(2 * half), back)]
-        out.append(min(map(distance, images)) / float(np.linalg.norm(images[0])))
+        images = [product(problem.modes.from_state, sign * way * start) for sign in signs for way in (np.ones(2 * half), back)]
+        out.append(min(map(distance, images)) / length(images[0]))
     return out
 
 

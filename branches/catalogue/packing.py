@@ -28,6 +28,7 @@ from branches.catalogue.rows import FamilyRow, Interval, compact_json, event_val
 from branches.orbit import impact_speeds
 from branches.sequences import format_ends, impacts_per_period
 from bvp.checks import require_branch
+from bvp.functions import cos, sin
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -243,7 +244,7 @@ def _flown(problem: MultipointProblem, states: np.ndarray, times: np.ndarray) ->
         if j < 0:
             continue
         rate = np.sqrt(abs(square))
-        c, s = (np.cos(rate * times), np.sin(rate * times) / rate) if square < 0.0 else (np.ones(len(times)), times)
+        c, s = (cos(rate * times), sin(rate * times) / rate) if square < 0.0 else (np.ones(len(times)), times)
         x, y = states[:, i], states[:, j]
         out[:, i] = (c + s * matrix[i, i]) * x + s * matrix[i, j] * y
         out[:, j] = s * matrix[j, i] * x + (c + s * matrix[j, j]) * y

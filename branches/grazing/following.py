@@ -16,6 +16,7 @@ from branches.presentation import is_solved_as_it_is
 from branches.sequences import Ends, impacts_per_period
 from branches.tracing import follow_family
 from bvp.checks import require_branch
+from bvp.dense import inner, product, singular
 from bvp.multipoint import MultipointProblem
 from bvp.texts import brief, takes_options_of
 from continuation.problem import Step
@@ -268,6 +269,7 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
     size = np.repeat([displacement, speed], problem.half)
     nodes = np.tile(size, (problem.inner, 1))
     scale = np.abs(problem.pack(size + problem.start_offset, nodes, np.full(len(times), np.sum(times))))
+    scale[: problem.parameters] = product(np.abs(problem.start_map.T), size)  # the sizes of coordinates do not cancel
     scale[scale == 0.0] = 1.0
     start, largest = y, float(np.max(size))
     for attempt in range(4):
@@ -275,10 +277,12 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
         residual = float(np.max(np.abs(error))) / largest
         if attempt and (attempt == 3 or residual < _SOLVED):
             break
-        left, singular, right = np.linalg.svd(problem.jacobian(y) * scale)
-        keep = singular > _SINGULAR * singular[0]
-        y = y - scale * (right[: len(singular)][keep].T @ ((left.T @ error)[keep] / singular[keep]))
-    null = oriented(right[-1]) * scale
+        matrix = problem.jacobian(y) * scale
+        values, rows = singular(matrix)
+        keep = values > _SINGULAR * values[0]
+        images = product(rows[: len(values)][keep], matrix.T)  # of the left singular vectors times their values
+        y = y - scale * product(product(images, error) / values[keep] ** 2, rows[: len(values)][keep])
+    null = oriented(rows[-1]) * scale
     if not keep.all():
         try:
             directions = list(branch_directions(Family(problem), y, null))
@@ -329,7 +333,7 @@ def leaves_upward(branch: Branch, point: int) -> bool:
     if at is None or inside < 0:
         return bool(branch.points["h"][max(inside, 0)] > branch.points["h"][point])
     tangent = at.tangent[: problem.unknowns]
-    return bool(at["slope"] * float(tangent @ (branch.unknowns(inside) - y)) > 0.0)
+    return bool(at["slope"] * inner(tangent, branch.unknowns(inside) - y) > 0.0)
 
 
 class CannotMerge(ValueError):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import product
+from itertools import product as every
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ import saltus_core as core
 from branches.presentation import closed_presentation, pattern_of
 from branches.sequences import PERIODIC, Ends, ImpactSequence
 from bvp.closures import Cycle, cycle_of
+from bvp.dense import inner, product
 from bvp.multipoint import MultipointProblem
 from bvp.smooth_flights import flight_of, modal_energies
 from bvp.system import ImpactSystem
@@ -188,7 +189,7 @@ class Touching:
         seen: set[int] = set()
         for parts in groups:
             if len(parts) <= EVERY:
-                sets = [self.hard | sum(chosen) for chosen in product(*((0, part) for part in reversed(parts)))]
+                sets = [self.hard | sum(chosen) for chosen in every(*((0, part) for part in reversed(parts)))]
             else:
                 sets = [self.kept ^ part ^ other for i, part in enumerate(parts) for other in (0, *parts[:i])]
             # The smallest image of each set; all sets at once.
@@ -258,15 +259,15 @@ def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: fl
         for time in turns.tolist() if turns is not None else ():
             state, change = path.motion(time)
             # A gap hardly changes beside its turning point.
-            if abs(bound - float(gap @ state)) > _FAR * tolerance:
+            if abs(bound - inner(gap, state)) > _FAR * tolerance:
                 continue
             for _ in range(3):
-                bend = float(speed @ change)
+                bend = inner(speed, change)
                 if bend != 0.0:
-                    time -= float(speed @ state) / bend
+                    time -= inner(speed, state) / bend
                 state, change = path.motion(time)
-            distance = side * (bound - float(gap @ state))
-            if abs(distance) < tolerance and side * float(speed @ change) < 0.0:
+            distance = side * (bound - inner(gap, state))
+            if abs(distance) < tolerance and side * inner(speed, change) < 0.0:
                 yield contact, time, state
 
 
@@ -275,7 +276,7 @@ def _derivatives(system: ImpactSystem) -> np.ndarray:
     """The gap of each contact and its first three derivatives without smooth forces, as functionals of a state, (contacts, 4, N)."""
     contacts, matrix = system.modes.contacts, system.modes.matrix
     rows = zip(contacts.gap, contacts.rate, contacts.acceleration, strict=True)
-    return np.array([(gap, rate, bend, bend @ matrix) for gap, rate, bend in rows])
+    return np.array([(gap, rate, bend, product(bend, matrix)) for gap, rate, bend in rows])
 
 
 class Candidate(NamedTuple):

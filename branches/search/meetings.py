@@ -8,6 +8,7 @@ met twice, which checks the search, unless no impact is between the middle and o
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Sequence
 from itertools import pairwise, product
@@ -212,7 +213,7 @@ def _paired(images: list[_Image], count: int, found: _Found, limits: Limits) -> 
         if not _is_turned(*_halves(images, found, row)):
             return None
     rows = np.flatnonzero(in_middle & ~is_one)
-    rows = rows[np.lexsort((start[rows] @ (1.0, 0.5**0.5), impacts[rows].sum(axis=1), ends[rows, 1], ends[rows, 0]))]
+    rows = rows[np.lexsort((start[rows, 0] + math.sqrt(0.5) * start[rows, 1], impacts[rows].sum(axis=1), ends[rows, 1], ends[rows, 0]))]
     here, there = rows[1:], rows[:-1]
     near = (np.abs(total[here] - total[there]) <= TIED) & (impacts[here].sum(axis=1) == impacts[there].sum(axis=1))
     near &= np.all((ends[here] == ends[there]) & (np.abs(start[here] - start[there]) <= TIED * span[ends[here]]), axis=1)

@@ -21,6 +21,8 @@ from saltus_core import Contacts, Curve, FarEnd, PlanarSystem, Starts
 
 from branches.sequences import Ends, ImpactSequence
 from bvp.checks import require_system
+from bvp.dense import inner, length
+from bvp.functions import asin, asinh, hypot, log
 from bvp.system import ImpactSystem
 
 __all__ = [
@@ -140,13 +142,13 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
     # Displacements q = w normal + s across: V = (a w^2 + 2 b w s + c s^2)/2.
     modes = system.modes
     gap = modes.contacts.gap[0, :2]
-    normal = gap / (gap @ gap)
+    normal = gap / inner(gap, gap)
     across = _across(gap)
-    a, b, c = ((modes.squares * x) @ y for x, y in ((normal, normal), (normal, across), (across, across)))
+    a, b, c = (inner(modes.squares * x, y) for x, y in ((normal, normal), (normal, across), (across, across)))
     if c <= 1e-12 * float(np.max(np.abs(modes.squares))):
         raise ValueError(f"the ends rest and stop need a positive stiffness along the stop; received {c:.3g}")
     stiffness = a - b * b / c
-    if abs(stiffness) <= 1e-12 * float(np.max(np.abs(modes.squares))) * float(normal @ normal):
+    if abs(stiffness) <= 1e-12 * float(np.max(np.abs(modes.squares))) * inner(normal, normal):
         stiffness = 0.0
     slide = normal - b / c * across
     if end == "rest":
@@ -162,7 +164,7 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
         coefficients = np.zeros((3, 4))
         coefficients[0, :2] = bound * slide
         coefficients[2, :2] = math.sqrt(2.0 * left / c) * across
-        coefficients[1, 2:] = -modes.contacts.side[contact] * math.sqrt(2.0 * left) * gap / math.sqrt(gap @ gap)
+        coefficients[1, 2:] = -modes.contacts.side[contact] * math.sqrt(2.0 * left) * gap / length(gap)
         starts = _starts(system, coefficients, Curve.TRIGONOMETRIC, contact)
         out.append(StartCurve("stop" + letter, starts, -0.5 * math.pi, 0.5 * math.pi, (True, True)))
     return out
@@ -176,10 +178,10 @@ def curve_over_energy(system: ImpactSystem, start: np.ndarray, energy: tuple[flo
     # cosh and sinh together are the exponential function; there is no cancellation from 0 on.
     coefficients[1:] = math.sqrt(energy[0]) * start
     gap, stop = system.modes.contacts.gap[0, :2], system.stops[0]
-    passages = longest * math.sqrt(2.0 * energy[1] * float(gap @ gap)) / (stop.upper - stop.lower)
+    passages = longest * math.sqrt(2.0 * energy[1] * inner(gap, gap)) / (stop.upper - stop.lower)
     return StartCurve(
-        "origin", _starts(system, coefficients, Curve.HYPERBOLIC, -1), 0.0, 0.5 * math.log(energy[1] / energy[0]),
-        piece=(math.log(energy[0]), 2.0), has_mirror=False, most_impacts=MOST_IMPACTS + 2 * math.ceil(passages),
+        "origin", _starts(system, coefficients, Curve.HYPERBOLIC, -1), 0.0, 0.5 * log(energy[1] / energy[0]),
+        piece=(log(energy[0]), 2.0), has_mirror=False, most_impacts=MOST_IMPACTS + 2 * math.ceil(passages),
     )  # fmt: skip
 
 
@@ -201,8 +203,8 @@ def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, s
         lower, upper = stop.lower / reach, stop.upper / reach
         if upper <= -1.0 or lower >= 1.0:
             return []
-        first = math.asin(lower) if lower > -1.0 else None
-        last = math.asin(upper) if upper < 1.0 else None
+        first = asin(lower) if lower > -1.0 else None
+        last = asin(upper) if upper < 1.0 else None
         if first is None and last is None:
             turn = math.pi if system.has_odd_symmetry else 2.0 * math.pi
             return [StartCurve("rest", starts, OFFSET, OFFSET + turn)]
@@ -225,14 +227,14 @@ def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, s
             reach = math.sqrt(-2.0 * energy / stiffness)
             coefficients[1, :2] = branch * size * across
             coefficients[2, :2] = reach * slide
-            shape, low, high = Curve.HYPERBOLIC, math.asinh(stop.lower / reach), math.asinh(stop.upper / reach)
+            shape, low, high = Curve.HYPERBOLIC, asinh(stop.lower / reach), asinh(stop.upper / reach)
         out.append(StartCurve("rest", _starts(system, coefficients, shape, -1), low, high, (True, True)))
     return out
 
 
 def _across(gap: np.ndarray) -> np.ndarray:
     """Unit vector along the stop, in modal coordinates."""
-    return np.array([-gap[1], gap[0]]) / math.hypot(gap[0], gap[1])
+    return np.array([-gap[1], gap[0]]) / hypot(gap[0], gap[1])
 
 
 def planar_system(system: ImpactSystem) -> PlanarSystem:

@@ -6,15 +6,24 @@ by the core, because numpy's functions differ between processors. The words are 
 """
 
 import math
+import sqlite3
 import sys
+import tempfile
+from concurrent.futures import Future
+from contextlib import closing
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import saltus_core
 
+from branches.building.build import build
+from branches.building.plan import Bounds, BuildPlan
+from branches.catalogue import Catalogue
 from bvp.multipoint import MultipointProblem
 from bvp.smooth_flights import core_flight
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus import discover, trace
+from saltus import discover, load_scene, trace
 from tests.core.smooth_systems import chain, wall
 
 ONE = "sqrt sin cos tan exp expm1 log log1p sinh cosh tanh asinh asin acos atan".split()
@@ -83,14 +92,44 @@ def smooth_flights():
             yield f"{name} at {time}", np.concatenate([[end], derivative])
 
 
-PARTS = [elementary_functions, families, searches, modes, smooth_flights]
+class AtOnce(Future):
+    """A call that is done at once, in this process."""
+
+    @classmethod
+    def submit(cls, function, *arguments):
+        made = cls()
+        made.set_result(function(*arguments))
+        return made
+
+
+def catalogues():
+    """All numbers of small catalogues, and ids: of the reference scene, and of one with three masses."""
+    for name in ("lee2009", "three_mass_chain"):
+        scene = load_scene(resources.files("catalogues") / f"{name}.toml")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "small.sqlite"
+            with Catalogue(path, "a", scene=scene) as catalogue:
+                build(catalogue, BuildPlan.within(Bounds((0.05, 100.0), 1.9, 2)), AtOnce, 1)
+            with closing(sqlite3.connect(path)) as tables:
+                for table in ("families", "points", "arrays", "events", "nodes", "edges"):
+                    rows = tables.execute(f"SELECT * FROM {table}")
+                    columns = [column[0] for column in rows.description]
+                    for row in rows.fetchall():
+                        for column, value in zip(columns, row, strict=True):
+                            if column == "npz":  # its crc is there
+                                continue
+                            is_number = isinstance(value, float)
+                            yield f"{name} {table} {column}" + ("" if is_number else f" {value!r}"), value if is_number else []
+
+
+PARTS = [elementary_functions, families, searches, modes, smooth_flights, catalogues]
 
 
 def lines():
     for part in PARTS:
         for name, values in part():
-            for k, value in enumerate(np.asarray(values, dtype=float).ravel().tolist()):
-                yield f"{name} {k} {value.hex()}"
+            found = [value.hex() for value in np.asarray(values, dtype=float).ravel().tolist()]
+            yield from (f"{name} {k} {value}" for k, value in enumerate(found)) if found else [name]
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ Oracle: mpmath in sixty digits and more, where not said otherwise. The limit is 
 """
 
 import hashlib
+import math
 import re
 from fractions import Fraction
 from math import copysign, inf, isnan, nan, pi
@@ -16,6 +17,7 @@ import saltus_core
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from bvp import functions
 from tests.core.coefficients import CONSTANTS, POLYNOMIALS, TWO_OVER_PI, parts, polynomial
 from tests.core.digits import LARGEST, errors_in_ulps, random_numbers
 
@@ -246,6 +248,17 @@ def test_the_same_bits_everywhere():
         values = evaluate(name, np.abs(x), x[::-1])
         digest.update(values[~np.isnan(values)].tobytes())
     assert digest.hexdigest()[:16] == "0100aa7299833191"
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (0,), (2, 3)])
+def test_numbers_and_arrays_of_any_shape(shape):
+    """Oracle: the same functions of lists, and that of numbers gives numbers."""
+    x = 0.25 + 0.125 * np.arange(math.prod(shape)).reshape(shape)
+    for name in ("asin", "asinh", "cos", "exp", "log", "sin"):
+        found = getattr(functions, name)(x if shape else float(x))
+        assert np.shape(found) == shape and isinstance(found, np.ndarray if shape else float)
+        assert np.array_equal(np.ravel(found), evaluate(name, x.ravel()))
+    assert np.array_equal(functions.hypot(x, 0.75), np.reshape(evaluate("hypot", x.ravel(), np.full(x.size, 0.75)), shape))
 
 
 def test_lengths_are_checked():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import saltus_core as core
 
-from bvp.dense import cholesky, length, orthonormal, product, quadratic, singular, solve
+from bvp.dense import cholesky, length, orthonormal, product, quadratic, roots, singular, solve
 
 EPSILON = np.finfo(float).eps
 
@@ -126,11 +126,21 @@ def test_singular_values_and_directions(shape):
     random = np.random.default_rng(sum(shape))
     matrix = random.normal(size=shape)
     values, rows = singular(matrix)
-    assert np.abs(values - np.concatenate([np.linalg.svd(matrix, compute_uv=False), np.zeros(shape[1])])[: shape[1]]).max() < 1e-14
+    assert np.abs(values - np.linalg.svd(matrix, compute_uv=False)).max(initial=0.0) < 1e-14
     assert np.abs(rows @ rows.T - np.eye(shape[1])).max() < 1e-14
-    assert np.abs(np.linalg.norm(matrix @ rows.T, axis=0) - values).max() < 1e-14
+    assert np.abs(np.linalg.norm(matrix @ rows.T, axis=0) - np.pad(values, (0, shape[1] - len(values)))).max() < 1e-14
     values, _ = singular(np.diag(10.0 ** np.arange(0, -16, -3)))
     assert values.tolist() == (10.0 ** np.arange(0, -16, -3)).tolist()
+
+
+@pytest.mark.parametrize("zeros", [0, 2])
+def test_the_roots_of_a_polynomial(zeros):
+    """Oracle: the polynomial with these roots."""
+    expected = np.array([3.0, 0.5, -2.0])
+    found = roots(np.concatenate([np.zeros(zeros), 4.0 * np.poly(expected)]))
+    assert np.abs(np.sort(found.real)[::-1] - expected).max() < 1e-13 and not found.imag.any()
+    complex_ones = roots(np.array([1.0, 2.0, 5.0]))
+    assert np.abs(np.sort_complex(complex_ones) - np.array([-1.0 - 2.0j, -1.0 + 2.0j])).max() < 1e-14
 
 
 def test_singular_matrices_and_wrong_sizes_are_refused():
