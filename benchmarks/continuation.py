@@ -29,8 +29,8 @@ from branches.family import Family
 from branches.search.intervals import segment_limits, segments
 from branches.search.starts import Sampler, curves
 from branches.tracing import SETTINGS, follow_family
-from bvp.fast_path import fast_path_numbers, run_fast_path
 from bvp.multipoint import MultipointProblem
+from bvp.simulate import Simulator, run_linear
 from bvp.system import vibro_impact_nes
 from saltus.errors import DONE, BadInput, nearest
 
@@ -198,21 +198,18 @@ def paths(scope: Scope) -> Table:
     general = MultipointProblem(system, problem.ends, problem.sequence)
     general._two_dof = False
     damped = vibro_impact_nes(lam=0.01, rho=0.7)
-    numbers = fast_path_numbers(damped)
-    assert numbers is not None
+    table = Simulator(damped).table
     starts = np.zeros((50, 4))
     starts[:, 3] = np.sqrt(2.0 * np.geomspace(0.06, 10.0, len(starts)))  # impulsive starts
-    which, energies = np.zeros(len(starts), dtype=np.int64), 0.5 * starts[:, 3] ** 2
+    most, energies = np.full(len(starts), 100_000), 0.5 * starts[:, 3] ** 2
     found, limits = Sampler(system, "origin", 10.0, [8]), {"origin": segment_limits("origin", "origin", 10.0, 9)}
 
     def complete() -> None:
         list(segments(system, curves(system, "origin", 1.0), limits, 1_000_000, Counter(), []))
 
     works: dict[str, dict[str, Callable[[], object]]] = {
-        "50 damped motions: the simulator of studies, the one of runs": {
-            "special": lambda: run_fast_path(
-                numbers[None], which, starts, energies, duration=100.0, to_rest=False, max_impacts=100_000, fractions=()
-            ),
+        "50 damped motions: without and with a record": {
+            "special": lambda: run_linear(table, starts, energies, most, 100.0, np.zeros(0), with_peaks=True),
             "general": lambda: [saltus.simulate(damped, state[:2], state[2:], 100.0) for state in starts],
         },
         "starts at h = 1 for a name with 8 inner impacts: the fast scan, the complete one": {

@@ -23,7 +23,7 @@ from scipy.integrate import solve_ivp
 import saltus
 from benchmarks.measure import Difference, difference, timed
 from benchmarks.report import Table, machine, number, progress, show, watched
-from bvp.fast_path import fast_path_numbers, run_fast_path
+from bvp.simulate import Simulator, run_linear
 from bvp.system import vibro_impact_nes
 from saltus.errors import DONE
 from saltus.motion.study import carry_out
@@ -253,20 +253,17 @@ def _warm(plan: StudyPlan) -> None:
 
 def tail_time(energies: np.ndarray) -> tuple[float, Difference]:
     """Processor seconds a run: in total, and in the part after the last impact."""
-    numbers = fast_path_numbers(vibro_impact_nes(MU, SIGMA, LAM, RHO))
-    assert numbers is not None
-    which, states = np.zeros(len(energies), dtype=np.int64), np.zeros((len(energies), 4))
+    table, states = Simulator(vibro_impact_nes(MU, SIGMA, LAM, RHO)).table, np.zeros((len(energies), 4))
     states[:, 3] = np.sqrt(2.0 * energies)
 
     def seconds(most: Any) -> tuple[list[float], np.ndarray]:
         """Seconds, three times, and the impacts of each run."""
-        runs = partial(
-            run_fast_path, numbers[None], which, states, energies, duration=1e4, to_rest=True, max_impacts=most, fractions=(0.5, 0.9, 0.99)
-        )
+        fractions = np.array([0.5, 0.9, 0.99])
+        runs = partial(run_linear, table, states, energies, most, 1e4, fractions, with_peaks=True, to_rest=True)
         found = [timed(runs) for _ in range(3)]
-        return [seconds for _, seconds in found], found[0][0].impacts
+        return [seconds for _, seconds in found], found[0][0].summary[:, 2].astype(np.int64)
 
-    total, impacts = seconds(10**7)
+    total, impacts = seconds(np.full(len(energies), 10**7))
     # Runs that end with their last impact need no tail.
     return min(total) / len(energies), difference(total, seconds(impacts)[0]).per(len(energies))
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from itertools import zip_longest
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import saltus_core
 
 from bvp.checks import finite_numbers, is_finite, require_system
 from bvp.closures import contact_of
 from bvp.contact_modes import ContactModeTable
 from bvp.forcing import BudgetTerms, Forcing, budget_terms, forcing_of, split_damping
-from bvp.interrupts import Pace, defer_interrupts
+from bvp.interrupts import InterruptHandler, Pace, defer_interrupts
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
 from bvp.kernels.energy_budget import integral_work
@@ -26,7 +26,7 @@ from bvp.texts import brief, listed, shown
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["BeyondStop", "Simulator", "energies_of", "simulate"]
+__all__ = ["BeyondStop", "LinearRuns", "Simulator", "energies_of", "run_linear", "simulate"]
 
 
 class BeyondStop(ValueError):
@@ -46,6 +46,27 @@ def energies_of(system: ImpactSystem, states: np.ndarray, modal: np.ndarray | No
     found: np.ndarray = 0.5 * (modal[:, n:] ** 2 + squares * modal[:, :n] ** 2).sum(axis=1)
     smooth = system.smooth_forces
     return found + smooth.energy(states[:, :n]) if smooth is not None and system.has_potential else found
+
+
+class _End(NamedTuple):
+    """A motion as it ended: status of the kernels, time, contact mode and its state, sums and counts as in `Motion`, the marks reached."""
+
+    status: int
+    time: float
+    mode: int
+    z: np.ndarray
+    totals: np.ndarray
+    impacts: int
+    touches: int
+    last_impact: float
+    clear_from: float
+    sticking_time: float
+    switch_error: float
+    marks: list[tuple[float | None, list[float]]]
+
+
+_RecordArrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Of each event: kind, contact and mode; time, speed and loss; (u, v) before; state after; sums."""
 
 
 @brief
@@ -122,73 +143,44 @@ class Simulator:
         system, start = self.system, checked_state(self.system, u, v)
         fractions = _checked(duration, max_impacts, marks)
         contact = -1 if leaving is None else contact_of(system, leaving)
-        # The kernel returns at each new contact mode, when its log is full, and now and then to report progress; then it is called again.
+        # The simulator returns at each new contact mode, and now and then to report progress; then it is called again.
         with defer_interrupts() as interrupt:
-            n = system.degrees_of_freedom
             initial = float(self._energies_at_start(start[None])[0])
-            state = self.state(len(fractions) if initial > 0.0 else 0, 0)
-            counts, clock, sums, marked = state.counts, state.clock, state.sums, state.marks
-            counts[places.LEAVING] = counts[places.CONTACT] = contact
-            clock[places.INITIAL] = initial
-            marked[:, 0] = fractions[: len(marked)]
-            state.x[: 2 * n] = start
-            before = start.copy()
-            pieces: list[places.Log] = []
-            room, scratch = 256, self.scratch(before)
-            pace = Pace()
-            while True:
-                modes = self.table.stacked
-                size = modes.matrix.shape[1]
-                if counts[places.PENDING] >= 0:
-                    state, scratch = state._replace(z=np.zeros(size)), self.scratch(before)
-                log = self.log(room)
-                counts[places.EVENTS], counts[places.PASSES] = 0, pace.passes
-                with pace:
-                    status = kernels.move(modes, float(duration), int(max_impacts), state, log, scratch)
-                pieces.append(places.Log(*(array[: counts[places.EVENTS]].copy() for array in log)))
-                if on_progress is not None:
-                    on_progress(float(clock[places.TIME]))
-                if status == kernels.NEW_MODE:
-                    self.table.add(int(counts[places.PENDING]))
-                elif status not in (kernels.FULL, kernels.PAUSED) or interrupt.came:
-                    break
-                elif status == kernels.FULL:
-                    room = min(2 * room, 1 << 16)
+            run = self._run_linear if system.smooth_forces is None else self._run_smooth
+            end, record = run(start, initial, contact, float(duration), int(max_impacts), fractions, on_progress, interrupt)
             modes = self.table.stacked
-            size = modes.matrix.shape[1]
-            states = np.vstack([np.pad(piece.states, ((0, 0), (0, size - piece.states.shape[1]))) for piece in pieces])
-            numbers, columns, before_, sums_ = (
-                np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums")
-            )
-            last = np.pad(state.z, (0, size - len(state.z)))
-            final = modes.leave[counts[places.MODE]] @ last
+            unreached: tuple[None, list[float]] = (None, [])
+            reached = [*end.marks, *[unreached] * (len(fractions) - len(end.marks))]
+            last = np.pad(end.z, (0, modes.matrix.shape[1] - len(end.z)))
+            final = modes.leave[end.mode] @ last
+            numbers, columns, before, states, sums = record
             motion = Motion(
                 system=system,
                 forcing=self.forcing,
-                status=STATUS.get(status, MotionStatus.INTERRUPTED),
-                duration=float(duration) if status == kernels.REACHED else float(clock[places.TIME]),
+                status=STATUS.get(end.status, MotionStatus.INTERRUPTED),
+                duration=float(duration) if end.status == kernels.REACHED else end.time,
                 kinds=numbers[:, 0],
                 times=columns[:, 0].copy(),  # contiguous, however many there are: kernels are compiled for one kind
                 contacts=numbers[:, 1],
                 speeds=columns[:, 1],
                 losses=columns[:, 2],
-                before=before_,
-                sums=sums_,
-                totals=sums.sum(axis=1),
+                before=before,
+                sums=sums,
+                totals=end.totals,
                 parts=self.parts,
-                impacts=int(counts[places.IMPACTS]),
-                touches=int(counts[places.TOUCHES]),
-                last_impact=float(clock[places.LAST_IMPACT]) if counts[places.IMPACTS] else None,
-                clear_from=float(clock[places.CLEAR_TIME]) if counts[places.CLEAR] else None,
-                sticking_time=float(clock[places.STICKING_TIME]),
-                switch_error=float(clock[places.SWITCH_ERROR]),
+                impacts=end.impacts,
+                touches=end.touches,
+                last_impact=end.last_impact if end.impacts else None,
+                clear_from=None if math.isnan(end.clear_from) else end.clear_from,
+                sticking_time=end.sticking_time,
+                switch_error=end.switch_error,
                 initial_energy=initial,
-                energy=float(energies_of(system, final[None], (modes.to_modes[counts[places.MODE]] @ last)[None])[0]),
+                energy=float(energies_of(system, final[None], (modes.to_modes[end.mode] @ last)[None])[0]),
                 marks=tuple(
-                    EnergyMark(float(row[0]), float(row[1]), dict(zip(self.parts, row[2:-1].tolist(), strict=True)))
-                    if k < counts[places.MARK]
+                    EnergyMark(float(fraction), time, dict(zip(self.parts, spent[:-1], strict=True)))
+                    if time is not None
                     else EnergyMark(float(fraction), None, {})
-                    for k, (fraction, row) in enumerate(zip_longest(fractions, marked))
+                    for fraction, (time, spent) in zip(fractions, reached, strict=True)
                 ),
                 start=start,
                 final=final,
@@ -205,6 +197,86 @@ class Simulator:
             w, stop = max(gaps, key=lambda pair: max(pair[0] - pair[1].upper, pair[1].lower - pair[0]))
             raise BeyondStop(f"the start lies beyond stop {stop.name}: its gap is {w:g}, expected {stop.lower:g} to {stop.upper:g}")
         return motion
+
+    def _run_linear(
+        self, start: np.ndarray, initial: float, contact: int, duration: float, max_impacts: int, fractions: np.ndarray,
+        on_progress: Callable[[float], object] | None, interrupt: InterruptHandler,
+    ) -> tuple[_End, _RecordArrays]:  # fmt: skip
+        """A motion without smooth forces, by the compiled core."""
+        motion, pace, pieces = saltus_core.Motion(self.table.core, start, initial, contact, fractions), Pace(), []
+        while True:
+            with pace:
+                status = motion.move(duration, max_impacts, pace.passes)
+            pieces.append(motion.record())
+            if on_progress is not None:
+                on_progress(motion.time)
+            if status == kernels.NEW_MODE:
+                self.table.add(motion.wanted)
+            elif status != kernels.PAUSED or interrupt.came:
+                break
+        end = _End(
+            status, motion.time, motion.mode, motion.state(), motion.sums(), motion.impacts, motion.touches, motion.last_impact,
+            motion.clear_from, motion.sticking_time, motion.switch_error,
+            [(None if math.isnan(time) else time, list(spent)) for time, spent in motion.marks()],
+        )  # fmt: skip
+        every = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+        rows, mode = len(every["kinds"]), every["modes"]
+        states = np.zeros((rows, self.table.stacked.matrix.shape[1]))
+        sizes = np.array([len(one["matrix"]) for one in self.table.modes.values()])
+        begins = np.cumsum(sizes[mode]) - sizes[mode]
+        for f in np.unique(mode).tolist():
+            of = np.flatnonzero(mode == f)
+            states[of, : sizes[f]] = every["states"][begins[of, None] + np.arange(sizes[f])]
+        numbers = np.empty((rows, 3), dtype=np.int64)  # kernels take this kind of integers alone
+        numbers[:] = np.stack([every["kinds"], every["contacts"], mode], axis=1)
+        columns = np.stack([every["times"], every["speeds"], every["losses"]], axis=1)
+        return end, (numbers, columns, every["before"].reshape(rows, -1), states, every["sums"].reshape(rows, -1))
+
+    def _run_smooth(
+        self, start: np.ndarray, initial: float, contact: int, duration: float, max_impacts: int, fractions: np.ndarray,
+        on_progress: Callable[[float], object] | None, interrupt: InterruptHandler,
+    ) -> tuple[_End, _RecordArrays]:  # fmt: skip
+        """A motion with smooth forces, by kernels; these return when their log is full, too."""
+        state = self.state(len(fractions) if initial > 0.0 else 0, 0)
+        counts, clock, sums, marked = state.counts, state.clock, state.sums, state.marks
+        counts[places.LEAVING] = counts[places.CONTACT] = contact
+        clock[places.INITIAL] = initial
+        marked[:, 0] = fractions[: len(marked)]
+        state.x[: len(start)] = start
+        before = start.copy()
+        pieces: list[places.Log] = []
+        room, scratch = 256, self.scratch(before)
+        pace = Pace()
+        while True:
+            modes = self.table.stacked
+            size = modes.matrix.shape[1]
+            if counts[places.PENDING] >= 0:
+                state, scratch = state._replace(z=np.zeros(size)), self.scratch(before)
+            log = self.log(room)
+            counts[places.EVENTS], counts[places.PASSES] = 0, pace.passes
+            with pace:
+                status = kernels.move(modes, duration, max_impacts, state, log, scratch)
+            pieces.append(places.Log(*(array[: counts[places.EVENTS]].copy() for array in log)))
+            if on_progress is not None:
+                on_progress(float(clock[places.TIME]))
+            if status == kernels.NEW_MODE:
+                self.table.add(int(counts[places.PENDING]))
+            elif status not in (kernels.FULL, kernels.PAUSED) or interrupt.came:
+                break
+            elif status == kernels.FULL:
+                room = min(2 * room, 1 << 16)
+        size = self.table.stacked.matrix.shape[1]
+        states = np.vstack([np.pad(piece.states, ((0, 0), (0, size - piece.states.shape[1]))) for piece in pieces])
+        numbers, columns, before_, sums_ = (
+            np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums")
+        )
+        end = _End(
+            status, float(clock[places.TIME]), int(counts[places.MODE]), state.z, sums.sum(axis=1), int(counts[places.IMPACTS]),
+            int(counts[places.TOUCHES]), float(clock[places.LAST_IMPACT]),
+            float(clock[places.CLEAR_TIME]) if counts[places.CLEAR] else math.nan, float(clock[places.STICKING_TIME]),
+            float(clock[places.SWITCH_ERROR]), [(float(row[1]), row[2:].tolist()) for row in marked[: counts[places.MARK]]],
+        )  # fmt: skip
+        return end, (numbers, columns, before_, states, sums_)
 
     def state(self, marks: int, peaks: int) -> places.MotionState:
         """A motion at time 0 with room for so many marks and peaks; its state of the contact mode is still empty."""
@@ -237,6 +309,7 @@ class Simulator:
         max_impacts: int = 10_000_000,
         marks: Sequence[float] = (0.5, 0.9, 0.99),
         with_peaks: bool = False,
+        threads: int = 1,
     ) -> Batch:
         """Motions from many states, without a record of their events.
 
@@ -247,19 +320,52 @@ class Simulator:
         duration, max_impacts, marks
             As in `run`.
         with_peaks : bool
-            Whether to find the largest displacements, which takes about as long again.
+            Whether to find the largest displacements.
+        threads : int
+            Threads that share the motions of a linear system. The results do not depend on it.
 
         Raises
         ------
         ValueError
             As `run`, and for states of another shape.
         """
-        system = self.system
-        n, parts = system.degrees_of_freedom, len(self.parts)
+        n, parts = self.system.degrees_of_freedom, len(self.parts)
         starts = np.ascontiguousarray(finite_numbers(states, "states", None, 2 * n))
         fractions = _checked(duration, max_impacts, marks)
-        summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2) + n))
-        summary[:, 7] = self._energies_at_start(starts)
+        initial = self._energies_at_start(starts)
+        if self.system.smooth_forces is None:
+            most = np.full(len(starts), int(max_impacts), dtype=np.int64)
+            summary, starts, modal = run_linear(
+                self.table, starts, initial, most, float(duration), fractions, with_peaks=with_peaks, threads=threads
+            )[:3]
+        else:
+            summary, modal = self._run_many_smooth(starts, initial, float(duration), int(max_impacts), fractions, with_peaks)
+        return Batch(
+            status=tuple(STATUS[int(reason)] for reason in summary[:, 0]),
+            duration=summary[:, 1],
+            impacts=summary[:, 2].astype(np.int64),
+            touches=summary[:, 3].astype(np.int64),
+            last_impact=summary[:, 4],
+            clear_from=summary[:, 5],
+            sticking_time=summary[:, 6],
+            initial_energy=initial,
+            energy=energies_of(self.system, starts, modal),
+            totals=summary[:, 9 : 10 + parts],
+            marks=summary[:, 10 + parts : summary.shape[1] - n * with_peaks].reshape(len(starts), len(fractions), parts + 2),
+            peaks=summary[:, -n:] if with_peaks else None,
+            final=starts,
+            parts=self.parts,
+            fractions=fractions,
+        )
+
+    def _run_many_smooth(
+        self, starts: np.ndarray, initial: np.ndarray, duration: float, max_impacts: int, fractions: np.ndarray, with_peaks: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Motions with smooth forces: their summary, with the columns of `run_linear`, and the final states in modal coordinates. The
+        starts become final states."""
+        n, parts = self.system.degrees_of_freedom, len(self.parts)
+        summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2) + n * with_peaks))
+        summary[:, 7] = initial
         state, modal = self.state(len(fractions), n if with_peaks else 0), np.zeros_like(starts)
         counts, batch = state.counts, kernels.BatchArrays(starts, fractions, summary, modal)
         first, log, reason, pace = 0, self.log(0), kernels.NEW_MODE, Pace()
@@ -269,28 +375,76 @@ class Simulator:
                 state, scratch = state._replace(z=np.zeros(modes.matrix.shape[1])), self.scratch(np.zeros(2 * n))
             counts[places.PASSES] = pace.passes
             with pace:
-                reason, first = kernels.many(modes, batch, float(duration), int(max_impacts), first, state, log, scratch)
+                reason, first = kernels.many(modes, batch, duration, max_impacts, first, state, log, scratch)
             if reason == kernels.NEW_MODE:
                 self.table.add(int(counts[places.PENDING]))
             elif reason != kernels.PAUSED:
-                break
-        return Batch(
-            status=tuple(STATUS[int(reason)] for reason in summary[:, 0]),
-            duration=summary[:, 1],
-            impacts=summary[:, 2].astype(np.int64),
-            touches=summary[:, 3].astype(np.int64),
-            last_impact=summary[:, 4],
-            clear_from=summary[:, 5],
-            sticking_time=summary[:, 6],
-            initial_energy=summary[:, 7],
-            energy=energies_of(self.system, starts, modal),
-            totals=summary[:, 9 : 10 + parts],
-            marks=summary[:, 10 + parts : -n].reshape(len(starts), len(fractions), parts + 2),
-            peaks=summary[:, -n:] if with_peaks else None,
-            final=starts,
-            parts=self.parts,
-            fractions=fractions,
+                return summary, modal
+
+
+class LinearRuns(NamedTuple):
+    """Results of b motions of a linear system.
+
+    summary (b, ..): reason, time reached, impacts, touches, last impact (NaN: none), clear from (NaN: not proven), time sticking,
+    whether infinite time has passed, the contact mode it waits for, the sums of D dampers, S stops and work, time and sums of each mark
+    (NaN: not reached), and the peaks if they are wanted. final, modal (b, 2n): final states as (u, v), and in modal coordinates."""
+
+    summary: np.ndarray
+    final: np.ndarray
+    modal: np.ndarray
+
+
+def run_linear(
+    table: ContactModeTable,
+    starts: np.ndarray,
+    energies: np.ndarray,
+    most: np.ndarray,
+    duration: float,
+    fractions: np.ndarray,
+    *,
+    restitution: np.ndarray | None = None,
+    leaving: np.ndarray | None = None,
+    with_peaks: bool = False,
+    to_rest: bool = False,
+    threads: int = 1,
+) -> LinearRuns:
+    """Run motions of a linear system without a record of their events.
+
+    Parameters
+    ----------
+    table : ContactModeTable
+    starts : (b, 2n) ndarray
+        (u, v) of each start.
+    energies, most : (b,) ndarray
+        The energy of each start, and the number of impacts at which each motion ends.
+    duration : float
+    fractions : (Q,) ndarray
+        Of the initial energy, ascending.
+    restitution : (b,) ndarray, optional
+        In place of that of all stops.
+    leaving : (b,) ndarray of int, optional
+        The contact that each start is on after its impact, or -1.
+    with_peaks : bool
+        Whether to find the largest displacements.
+    to_rest : bool
+        Where no impact is possible any more and all motion decays, the dissipation counts to infinite time.
+    threads : int
+        The results do not depend on it.
+    """
+    count, n, parts = len(starts), starts.shape[1] // 2, len(table.terms.dampers) + len(table.system.stops) + 1
+    summary = np.full((count, 9 + parts + len(fractions) * (1 + parts) + n * with_peaks), np.nan)
+    final, modal = np.zeros_like(starts), np.zeros_like(starts)
+    changed = np.full(count, np.nan) if restitution is None else np.ascontiguousarray(restitution, dtype=float)
+    on = np.full(count, -1, dtype=np.int64) if leaving is None else np.ascontiguousarray(leaving, dtype=np.int64)
+    rows = np.arange(count)
+    while len(rows):
+        saltus_core.run_batch(
+            table.core, starts, energies, changed, on, most, rows, duration, fractions, with_peaks, to_rest, threads, summary, final, modal
         )
+        rows = rows[summary[rows, 0] == kernels.NEW_MODE]
+        for sticking in np.unique(summary[rows, 8]).astype(np.int64).tolist():
+            table.add(sticking)
+    return LinearRuns(summary, final, modal)
 
 
 def simulate(

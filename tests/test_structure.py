@@ -94,7 +94,7 @@ OF_KERNELS = {
     "benchmarks": {"kernels"},
     "tests/benchmarks": {"test_before_now"},
     "tests/branches": {"test_free_criticality", "test_kernel_memory"},
-    "tests/bvp": {"test_chosen", "test_hostile_chains", "test_kernel_cache", "test_lent", "test_pace", "test_released"},
+    "tests/bvp": {"test_chosen", "test_hostile_chains", "test_kernel_cache", "test_lent", "test_released"},
     "tests/core": {"test_control", "test_extrema", "test_next_impact", "test_problem", "test_smooth_flight", "test_steps"},
     "tests/full/bvp": {"test_kernel_cache"},
     "tests/saltus": {"test_bad_calls", "test_startup"},

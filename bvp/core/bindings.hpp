@@ -131,6 +131,7 @@ void bind_multipliers(nb::module_& m);
 void bind_search(nb::module_& m);
 void bind_smooth(nb::module_& m);
 void bind_paths(nb::module_& m);
+void bind_motion(nb::module_& m);
 
 }  // namespace saltus
 

@@ -11,7 +11,7 @@ namespace saltus {
 
 class ContactPath {
 public:
-    static constexpr int SIZE = DYNAMIC;
+    static constexpr int SIZE = DYNAMIC, PAIRS = DYNAMIC;
 
     /// linear: of Z' = B Z without f''', whose blocks are pairs of displacements and velocities, and single forces. It
     /// shows how the entries of Z round.

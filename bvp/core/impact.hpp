@@ -77,22 +77,40 @@ inline double quadratic_step(double d, double slope, double bend) {
 
 inline double limited(double bend, double curvature) { return std::max(-curvature, std::min(bend, curvature)); }
 
-/// Refine a nearby zero of d along the exact flight to rounding, by steps of third order.
+/// Refine a nearby zero of d along the exact flight to rounding, by steps of third order; of fourth order where a bound of its
+/// fourth derivative is known.
 template <class Path>
-double polish_root(const Path& path, const Contacts& contacts, int c, double curvature, double jerk, double t) {
-    Local<double, Path::SIZE> state(path.size());
+double polish_root(const Path& path, const Contacts& contacts, int c, double curvature, double jerk, double t, double fourth = INFINITE) {
+    constexpr double CLOSE = 0.1;
+    Local<double, Path::SIZE> state(path.size()), rate(path.size());
     const double side = contacts.side[c];
     double last = INFINITE;
     for (int count = 0; count < 60; ++count) {
         path.state(t, state);
         const double d = side * (contacts.bound[c] - dot(contacts.gap[c], Values(state)));
         const double slope = -side * dot(contacts.rate[c], Values(state));
-        const double bend = -side * dot(contacts.acceleration[c], Values(state));
+        const double bend = limited(-side * dot(contacts.acceleration[c], Values(state)), curvature);
         if (slope >= 0.0) break;
-        const double step = quadratic_step(d, slope, limited(bend, curvature)), size = std::fabs(step);
+        const double inverse = 1.0 / slope, first = -d * inverse, x = 0.5 * (bend * inverse) * first;
+        double step, rest;
+        bool is_series = false;
+        if constexpr (requires { path.rate(Values(state), rate); }) {
+            is_series = fourth < INFINITE && std::fabs(x) <= CLOSE;
+            if (is_series) {  // the zero as a series in d/d', and a bound of its next term
+                path.rate(Values(state), rate);
+                const double square = first * first, reach = std::fabs(first);
+                const double y = limited(-side * dot(contacts.acceleration[c], Values(rate)), jerk) * (inverse * (1.0 / 6.0)) * square;
+                step = first * ((1.0 - x) + (2.0 * (x * x) - y));
+                rest = reach * (5.0 * std::fabs(x) * (x * x + std::fabs(y)) - fourth * (inverse * (1.0 / 24.0)) * (square * reach));
+            }
+        }
+        if (!is_series) {
+            step = quadratic_step(d, slope, bend);
+            rest = -jerk * (inverse * (1.0 / 6.0)) * (step * step * std::fabs(step));
+        }
+        const double size = std::fabs(step);
         t = std::max(t + step, 0.0);
-        // The error that is left is a sixth of this, over the slope.
-        if (jerk * size * size * size <= -1e-16 * t * slope || size >= last) break;
+        if (6.0 * rest <= 1e-16 * t || size >= last) break;
         last = size;
     }
     return t;
@@ -377,23 +395,26 @@ private:
 
 /// The next impact by steps of fixed length. Returns false where a certified search has to decide: what is nearly a
 /// grazing, slow, or on another contact.
-template <class Path>
-bool step_to_impact(const Path& path, const StepStops& stops, int leaving, double horizon, NextImpact& found) {
+template <class Path, class Observer>
+bool step_to_impact(const Path& path, const StepStops& stops, int leaving, double horizon, NextImpact& found,
+                    Observer& observer) {
     constexpr int MOST_PARTS = 1000;  // a million steps, where nothing damps
-    StepWalk walk(stops, horizon);
-    if (!walk.start(path.begin(), leaving)) return false;
-    StepWalk::Reason reason = walk.go();
-    for (int part = 0; reason == StepWalk::UNFINISHED; ++part) {
+    StepWalk<Path::PAIRS> walk(stops, horizon);
+    if (!walk.start(path.begin().data(), leaving)) return false;
+    observer.begin(walk, path.begin().data());
+    Walked walked = walk.go(observer);
+    for (int part = 0; walked == Walked::UNFINISHED; ++part) {
         if (part == MOST_PARTS) return false;
         Local<double, Path::SIZE> state(path.size());
         path.state(walk.time(), state);
-        if (!walk.start(state, -1)) return false;
-        reason = walk.go();
+        if (!walk.start(state.data(), -1)) return false;
+        observer.begin(walk, state.data());
+        walked = walk.go(observer);
     }
     found = {Found::NONE, -1, horizon};
-    if (reason != StepWalk::HIT) return reason == StepWalk::NONE;
-    const StepWalk::Hit& hit = walk.hit();
-    const double time = polish_root(path, stops.contacts(), hit.contact, hit.curvature, hit.jerk, hit.guess);
+    if (walked != Walked::HIT) return walked == Walked::NONE;
+    const auto& hit = walk.hit();
+    const double time = polish_root(path, stops.contacts(), hit.contact, hit.curvature, hit.jerk, hit.guess, hit.fourth);
     const double slack = 1e-12 * hit.end;
     if (!(time >= hit.begin - slack && time <= hit.end + slack && time > 0.0)) return false;
     if (time <= horizon) found = {Found::HIT, hit.contact, time};
@@ -411,7 +432,8 @@ template <class Path>
 NextImpact next_impact_on(const Path& path, const Contacts& contacts, int leaving, bool released, double horizon,
                           const StepStops* stops) {
     NextImpact found;
-    if (stops && stops->fit() && !released && step_to_impact(path, *stops, leaving, horizon, found)) return found;
+    NoObserver none;
+    if (stops && stops->fit() && !released && step_to_impact(path, *stops, leaving, horizon, found, none)) return found;
     return ImpactSearch<Path>(path, contacts, leaving, released, horizon).run();
 }
 

@@ -31,7 +31,8 @@ public:
 
     /// matrix (N, N) is zero outside the blocks; weights (N,): H = sum(weights z^2)/2.
     LinearFlight(std::vector<Block> blocks, Array<> matrix, std::vector<double> weights)
-        : blocks_(std::move(blocks)), matrix_(std::move(matrix)), weights_(std::move(weights)) {
+        : blocks_(std::move(blocks)), exchanges_(blocks_.begin(), blocks_.end()), matrix_(std::move(matrix)),
+          weights_(std::move(weights)) {
         for (const Block& block : blocks_) {
             steady_ = steady_ && block.is_steady();
             if (!block.is_steady()) growth_ = std::fmax(growth_, growth_of(matrix_, block));
@@ -151,19 +152,18 @@ public:
     template <class Row, class Z>
     double rounding_level(const Row& row, const Z& z) const {
         double total = 0.0;
+        const Exchange* exchange = exchanges_.data();
         for (const Block& block : blocks_) {
             const int i = block.first, j = block.second;
             if (j >= 0) {
-                const double down = std::fabs(block.b21), up = std::fabs(block.b12);
-                const double pace = up > 0.0 && down > 0.0
-                    ? std::fmax(std::sqrt(down * up), 0.5 * std::fabs(block.b11 + block.b22)) : INFINITE;
-                total += std::fabs(row[i]) * (std::fabs(z[i]) + up / pace * std::fabs(z[j]));
-                total += std::fabs(row[j]) * (std::fabs(z[j]) + down / pace * std::fabs(z[i]));
+                total += std::fabs(row[i]) * (std::fabs(z[i]) + exchange->up * std::fabs(z[j]));
+                total += std::fabs(row[j]) * (std::fabs(z[j]) + exchange->down * std::fabs(z[i]));
             } else {
                 double weight = 0.0, level = 0.0;
                 for (int r = i; r < i + block.size(); ++r) weight += std::fabs(row[r]), level += std::fabs(z[r]);
                 total += weight * level;
             }
+            ++exchange;
         }
         return ROUNDING * total;
     }
@@ -187,7 +187,20 @@ public:
     }
 
 private:
+    /// What the first entry of a pair takes of the second one, and the other way, when they exchange their energy.
+    struct Exchange {
+        double up = 0.0, down = 0.0;
+        Exchange(const Block& block) {
+            if (!block.is_pair()) return;
+            const double y = std::fabs(block.b12), x = std::fabs(block.b21);
+            if (y == 0.0 || x == 0.0) return;
+            const double pace = std::fmax(std::sqrt(x * y), 0.5 * std::fabs(block.b11 + block.b22));
+            up = y / pace, down = x / pace;
+        }
+    };
+
     std::vector<Block> blocks_;
+    std::vector<Exchange> exchanges_;
     Array<> matrix_;
     std::vector<double> weights_;
     StepTable steps_;

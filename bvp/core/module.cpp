@@ -44,4 +44,5 @@ NB_MODULE(saltus_core, m) {
     saltus::bind_search(m);
     saltus::bind_smooth(m);
     saltus::bind_paths(m);
+    saltus::bind_motion(m);
 }

@@ -1,6 +1,7 @@
 /// One flight as the events along it see it: the seam between flights and searches in time.
 ///
 /// A path is made by path_of(flight, z, duration), and has these members; flights of other kinds provide the same.
+///     SIZE, PAIRS                   entries of a state and pairs of its table of steps where the compiler knows them, else DYNAMIC
 ///     size(), begin()               entries of a state; the state at the begin
 ///     state(t, out)                 the state at a time
 ///     rate(state, out)              z' at a state of the path
@@ -150,20 +151,43 @@ private:
     bool pure_;
 };
 
-/// The path of a linear flight from z, which it keeps a view of.
-template <int N>
+/// The path of a linear flight from z, which it keeps a view of. P: see `StepTable::pairs`; N may be DYNAMIC beside it.
+template <int N, int P = DYNAMIC>
 class LinearPath {
 public:
-    static constexpr int SIZE = N;
-    LinearPath(const LinearFlight<N>& flight, Values z) : flight_(flight), z_(z), end_(flight.size()) {}
-    int size() const { return flight_.size(); }
+    static constexpr int SIZE = P == DYNAMIC ? N : 2 * P, PAIRS = P;
+    LinearPath(const LinearFlight<N>& flight, Values z)
+        : flight_(flight), z_(z), end_(flight.size()), turns_(flight.steps().is_usable() ? flight.steps().count() : 0),
+          later_(turns_.cosine.size()) {}
+
+    constexpr int size() const {
+        if constexpr (SIZE != DYNAMIC) return SIZE;
+        return flight_.size();
+    }
     Values begin() const { return z_; }
     template <class Out>
     void state(double t, Out&& out) const {
-        if (flight_.steps().is_usable()) flight_.steps().flow(z_, t, out);
-        else flight_.end(z_, t, out);
+        const Vector<double> to(out);
+        if (P != DYNAMIC || flight_.steps().is_usable()) flight_.steps().flow(z_.data(), turns(t), to.data());
+        else flight_.end(z_, t, to);
     }
-    void rate(Values state, Vector<double> out) const { flight_.rate(state, out); }
+    /// The turns of the table of steps at a time. Next to the last time that took sines and exponentials it takes none.
+    const StepTable::Turns<P>& turns(double t) const {
+        const StepTable& table = flight_.steps();
+        const double change = t - turned_;
+        if (!(std::fabs(change) <= table.slight())) {
+            table.turn(t, turns_);
+            turned_ = t;
+        }
+        if (t == turned_) return turns_;
+        if (t != turned_later_) table.turn_slightly(turns_, change, later_);
+        turned_later_ = t;
+        return later_;
+    }
+    void rate(Values state, Vector<double> out) const {
+        if constexpr (P != DYNAMIC) flight_.steps().template rate<P>(state.data(), out.data());
+        else flight_.rate(state, out);
+    }
     bool is_steady() const { return flight_.is_steady(); }
     double fastest() const { return flight_.fastest(); }
     double growth() const { return flight_.growth(); }
@@ -222,7 +246,7 @@ public:
     }
 
 private:
-    using State = Local<double, N>;
+    using State = Local<double, SIZE>;
 
     void differentiate(State& state, State& other) const {
         flight_.rate(Values(state), other);
@@ -256,7 +280,9 @@ private:
 
     const LinearFlight<N>& flight_;
     Values z_;
-    mutable EndWaves<N> end_;
+    mutable EndWaves<SIZE> end_;
+    mutable StepTable::Turns<P> turns_, later_;
+    mutable double turned_ = INFINITE, turned_later_ = INFINITE;  // the times of both
 };
 
 /// The path of the flight from z, over a duration. A linear one is known at all times.

@@ -5,7 +5,7 @@
 /// step is divided until f' keeps its sign, or f'' does and Newton's method finds the one turning point.
 #pragma once
 
-#include "path.hpp"
+#include "impact.hpp"
 
 namespace saltus {
 
@@ -39,25 +39,30 @@ public:
 
     /// A bound of |f| over the cubic of a step of h, without its error.
     static double hull(double f0, double g0, double f1, double g1, double h) {
-        const double inner = std::fmax(std::fabs(f0 + h * g0 * (1.0 / 3.0)), std::fabs(f1 - h * g1 * (1.0 / 3.0)));
-        return std::fmax(inner, std::fmax(std::fabs(f0), std::fabs(f1)));
+        const double inner = std::max(std::fabs(f0 + h * g0 * (1.0 / 3.0)), std::fabs(f1 - h * g1 * (1.0 / 3.0)));
+        return std::max(inner, std::max(std::fabs(f0), std::fabs(f1)));
     }
 
     /// Raise the peak to the largest |f| from a time on, over a length in which the bounds of |f'''| and |f''''| hold. False: it gave up.
     bool climb(double begin, double length, double third, double fourth) {
+        const Sample first = at(begin), last = at(begin + length);
+        peaks_.raise(i_, first.value, begin);
+        return climb(begin, length, third, fourth, first, last);
+    }
+    /// The same, where both ends are known.
+    bool climb(double begin, double length, double third, double fourth, const Sample& first, const Sample& last) {
         constexpr int MOST = 100'000;
-        Sample left = at(begin);
-        peaks_.raise(i_, left.value, begin);
+        Sample left = first;
         double t = 0.0, size = length;
         for (int count = 0; count < MOST; ++count) {
-            size = std::fmin(size, length - t);
-            const Sample right = at(begin + t + size);
-            const double ends = std::fmax(std::fabs(left.value), std::fabs(right.value)), square = size * size / 8.0;
+            size = std::min(size, length - t);
+            const Sample right = size < length - t ? at(begin + t + size) : last;
+            const double ends = std::max(std::fabs(left.value), std::fabs(right.value)), square = size * size / 8.0;
             const double most = hull(left.value, left.slope, right.value, right.slope, size) + fourth * square * square / 6.0;
             if (most > peaks_.size[i_]) {
                 const bool convex = keeps_sign(left.bend, right.bend, fourth * square);
                 const bool monotone = left.slope * right.slope >= 0.0 && (convex || keeps_sign(left.slope, right.slope, third * square));
-                if (convex && left.slope * right.slope < 0.0) turn(begin + t, size, left, right);
+                if (convex && left.slope * right.slope < 0.0) turn(begin + t, size, left, right, third);
                 else if (!(monotone || most - ends <= 1e-15 * most || size <= 1e-9 * length)) {
                     size *= 0.5;
                     continue;
@@ -73,7 +78,7 @@ public:
     }
 
 private:
-    static bool keeps_sign(double a, double b, double change) { return a * b > 0.0 && std::fmin(std::fabs(a), std::fabs(b)) > change; }
+    static bool keeps_sign(double a, double b, double change) { return a * b > 0.0 && std::min(std::fabs(a), std::fabs(b)) > change; }
 
     Sample at(double t) {
         path_.state(t, state_);
@@ -82,16 +87,29 @@ private:
     }
 
     /// Newton's method for the one turning point in a step, kept between its ends.
-    void turn(double begin, double size, const Sample& left, const Sample& right) {
+    void turn(double begin, double size, const Sample& left, const Sample& right, double third) {
         double low = 0.0, high = size, s = size * left.slope / (left.slope - right.slope);
+        {  // where the cubic through the rates and their slopes at both ends is 0
+            const double x = s / size, rise = right.slope - left.slope, a = size * left.bend, b = size * right.bend;
+            const double square = 3.0 * rise - 2.0 * a - b, cube = a + b - 2.0 * rise;
+            const double slope = a + x * (2.0 * square + 3.0 * x * cube);
+            const double better = x - (left.slope + x * (a + x * (square + x * cube))) / slope;
+            if (0.0 < better && better < 1.0) s = size * better;
+        }
         for (int count = 0; count < 50; ++count) {
             const Sample now = at(begin + s);
             peaks_.raise(i_, now.value, begin + s);
             (now.slope * left.slope > 0.0 ? low : high) = s;
             const double middle = 0.5 * (low + high);
             double better = now.bend != 0.0 ? s - now.slope / now.bend : middle;
-            if (!(low <= better && better <= high)) better = middle;
-            if (std::fabs(now.bend) * (better - s) * (better - s) <= 1e-15 * std::fabs(now.value)) return;
+            const bool inside = low <= better && better <= high;
+            if (!inside) better = middle;
+            const double change = std::fabs(better - s);
+            if (std::fabs(now.bend) * change * change <= 1e-15 * std::fabs(now.value)) return;
+            if (inside && third * change * change * change <= 1e-15 * std::fabs(now.value)) {
+                peaks_.raise(i_, now.value + 0.5 * (now.slope * (better - s)), begin + better);
+                return;
+            }
             s = better;
         }
     }
@@ -103,69 +121,117 @@ private:
     Local<double, Path::SIZE> state_, rate_;
 };
 
-/// The same for all displacements at once, in steps of fixed length: only the steps that could hold a larger value are searched.
-template <class Path>
-class PeakWalk {
+/// Displacements, velocities and accelerations as walks in steps of fixed length see them.
+class PeakRows {
 public:
-    PeakWalk(const Path& path, const StepTable& table, const Displacements& rows, const Peaks& peaks)
-        : path_(path), table_(table), rows_(rows), peaks_(peaks), watched_(rows.count()), state_(path.size()), next_(path.size()) {}
+    PeakRows(const StepTable& table, const Displacements& rows)
+        : table_(table), rows_(rows), width_(7 * table.count()), numbers_(size_t(rows.count()) * width_) {
+        std::vector<double> acceleration(rows.velocity.columns());
+        for (int i = 0; i < rows.count(); ++i) {
+            double* numbers = numbers_.data() + size_t(i) * width_;
+            table.split(rows.value[i].data(), numbers);
+            table.split(rows.velocity[i].data(), numbers + 2 * table.count());
+            table.rate_row(rows.velocity[i], acceleration);
+            table.split(acceleration.data(), numbers + 4 * table.count());
+            table.reaches(rows.value[i], numbers + 6 * table.count());
+        }
+    }
+    const StepTable& table() const { return table_; }
+    const Displacements& rows() const { return rows_; }
+    const double* value(int i) const { return numbers_.data() + size_t(i) * width_; }
+    const double* velocity(int i) const { return value(i) + 2 * table_.count(); }
+    const double* acceleration(int i) const { return value(i) + 4 * table_.count(); }
+    const double* reaches(int i) const { return value(i) + 6 * table_.count(); }
 
-    bool run(double duration, Values end) {
-        constexpr int MOST_STEPS = 1024, RENEW = 16;
-        const double h = table_.length(0);
-        copy(path_.begin(), state_);
-        for (int i = 0; i < rows_.count(); ++i) {
-            const double reached = std::fmax(peaks_.size[i], std::fabs(dot(rows_.value[i], end)));
-            watched_[count_++] = {i, reached, dot(rows_.value[i], Values(state_)), dot(rows_.velocity[i], Values(state_)), 0.0, 0.0};
+private:
+    const StepTable& table_;
+    Displacements rows_;
+    int width_;
+    std::vector<double> numbers_;
+};
+
+/// What a walk in steps of fixed length shows of all displacements: only the steps that could hold a larger one than the
+/// peaks are searched, and nothing is looked at while no displacement can become larger.
+template <class Path>
+class PeakObserver {
+public:
+    PeakObserver(const Path& path, const PeakRows& rows, const Peaks& peaks)
+        : path_(path), rows_(rows), peaks_(peaks), watched_(rows.rows().count()) {}
+
+    bool is_idle() const { return count_ == 0; }
+    bool gave_up() const { return gave_up_; }
+
+    /// Watch the displacements that can become larger from here on. z: the state at the walk's time.
+    void begin(const StepWalk<Path::PAIRS>& walk, const double* z) {
+        const int size = entries();
+        count_ = 0;
+        t_ = walk.time();
+        for (int i = 0; i < rows_.rows().count(); ++i) {
+            const StepTable::Amplitudes found = rows_.table().template amplitudes<Path::PAIRS>(
+                rows_.rows().value[i], rows_.reaches(i), z, walk.radii(), std::max(walk.horizon() - t_, 0.0));
+            if (found.level <= peaks_.size[i]) continue;
+            const double f = part_of(rows_.value(i), walk.state(), size), g = part_of(rows_.velocity(i), walk.state(), size);
+            peaks_.raise(i, f, t_);
+            watched_[count_++] = {i, f, g, found.third, found.fourth};
         }
-        double t = 0.0;
-        for (int steps = 0; t < duration; ++steps) {
-            if (steps == 0 || (steps % RENEW == 0 && !table_.is_steady())) bound(duration - t);
-            if (count_ == 0) return true;
-            if (steps > 0 && steps % MOST_STEPS == 0) path_.state(t, state_);  // rounding errors do not accumulate
-            table_.step(Values(state_), Vector<double>(next_));
-            for (int w = 0; w < count_; ++w)
-                if (!pass(watched_[w], t, h, duration - t)) return false;
-            copy(Values(next_), state_);
-            t += h;
+    }
+    /// A step of h from t between two states that the walk knows; `left` of it counts.
+    void pass(double t, double h, double left, const double* now, const double* next) {
+        const int size = entries();
+        for (int w = 0; w < count_; ++w) {
+            Watched& watched = watched_[w];
+            const int i = watched.i;
+            const Sample from{watched.f, watched.g, 0.0};
+            const double f = part_of(rows_.value(i), next, size), g = part_of(rows_.velocity(i), next, size);
+            if (!look(watched, t, h, left, f, g)) continue;
+            PeakSearch<Path> search(path_, rows_.rows(), i, peaks_);
+            const double* row = rows_.acceleration(i);
+            const bool done = h <= left ? search.climb(t, h, watched.third, watched.fourth, {from.value, from.slope, part_of(row, now, size)},
+                                                       {f, g, part_of(row, next, size)})
+                : search.climb(t, left, watched.third, watched.fourth);
+            if (!done) gave_up_ = true;
         }
-        return true;
+        t_ = t + h;
+    }
+    /// The end of the flight, within a step or at the end of one.
+    void finish(double duration, Values end) {
+        const double length = duration - t_;
+        for (int w = 0; w < count_ && length > 0.0; ++w) {
+            const int i = watched_[w].i;
+            Watched& watched = watched_[w];
+            if (!look(watched, t_, length, length, dot(rows_.rows().value[i], end), dot(rows_.rows().velocity[i], end))) continue;
+            if (!PeakSearch<Path>(path_, rows_.rows(), i, peaks_).climb(t_, length, watched.third, watched.fourth)) gave_up_ = true;
+        }
     }
 
 private:
     struct Watched {
         int i;
-        double reached, f, g, third, fourth;
+        double f, g, third, fourth;
     };
 
-    /// Drop what cannot become larger any more.
-    void bound(double left) {
-        int kept = 0;
-        for (int w = 0; w < count_; ++w) {
-            Watched watched = watched_[w];
-            const StepTable::Amplitudes found = table_.amplitudes(rows_.value[watched.i], Values(state_), left);
-            if (found.level <= std::fmax(watched.reached, peaks_.size[watched.i])) continue;
-            watched.third = found.third, watched.fourth = found.fourth;
-            watched_[kept++] = watched;
-        }
-        count_ = kept;
-    }
+    int entries() const { return 2 * (Path::PAIRS == DYNAMIC ? rows_.table().count() : Path::PAIRS); }
 
-    bool pass(Watched& watched, double t, double h, double left) {
-        const double f = dot(rows_.value[watched.i], Values(next_)), g = dot(rows_.velocity[watched.i], Values(next_));
-        const double most = PeakSearch<Path>::hull(watched.f, watched.g, f, g, h) + watched.fourth * (h * h * h * h * (1.0 / 384.0));
+    /// Whether a step may hold a larger value than at its ends.
+    bool look(Watched& watched, double t, double h, double left, double f, double g) {
+        const double f0 = watched.f, g0 = watched.g;
+        const double most = PeakSearch<Path>::hull(f0, g0, f, g, h) + watched.fourth * (h * h * h * h * (1.0 / 384.0));
         watched.f = f, watched.g = g;
-        if (most <= std::fmax(watched.reached, peaks_.size[watched.i])) return true;
-        return PeakSearch<Path>(path_, rows_, watched.i, peaks_).climb(t, std::fmin(h, left), watched.third, watched.fourth);
+        if (most <= peaks_.size[watched.i]) return false;
+        // From rest a value rises so slowly that only the end of the step is seen to be larger than the rest.
+        if (h <= left) peaks_.raise(watched.i, f, t + h);
+        // Where the rate keeps its sign over the step, the larger end is the largest.
+        const bool steadily = g0 * g > 0.0 && std::min(std::fabs(g0), std::fabs(g)) > watched.third * (h * h * 0.125);
+        return !(steadily && h <= left);
     }
 
     const Path& path_;
-    const StepTable& table_;
-    const Displacements& rows_;
-    const Peaks& peaks_;
+    const PeakRows& rows_;
+    Peaks peaks_;
     Local<Watched, DYNAMIC, 16> watched_;
     int count_ = 0;
-    Local<double, Path::SIZE> state_, next_;
+    double t_ = 0.0;  // up to which the flight was seen
+    bool gave_up_ = false;
 };
 
 /// Raise the peaks to the largest |u| over a path that ends with the state `end` after `duration`. False if the search gave up.
@@ -176,18 +242,25 @@ bool raise_peaks(const Path& path, const Displacements& rows, double duration, V
         if (!(std::fabs(dot(rows.value[i], end)) < INFINITE)) return false;
         peaks.raise(i, dot(rows.value[i], path.begin()), 0.0);
     }
-    if (const StepTable* table = path.steps()) {
-        if (!PeakWalk<Path>(path, *table, rows, peaks).run(duration, end)) return false;
+    if (const StepTable* table = path.steps(); table && table->count() <= StepStops::MOST_PAIRS) {
+        static const Contacts no_contacts{};
+        const StepStops no_stops(*table, no_contacts);
+        const PeakRows watched(*table, rows);
+        PeakObserver<Path> observer(path, watched, peaks);
+        NextImpact found;
+        step_to_impact(path, no_stops, -1, duration, found, observer);
+        observer.finish(duration, end);
+        if (observer.gave_up()) return false;
     } else {
         Local<double, Path::SIZE> state(path.size());
-        const double longest = 1.0 / std::fmax(path.growth(), path.fastest() / RENEWED);
+        const double longest = 1.0 / std::max(path.growth(), path.fastest() / RENEWED);
         for (int i = 0; i < rows.count(); ++i) {
             const double at_end = std::fabs(dot(rows.value[i], end));
             for (double t = 0.0, window = 0.0; t < duration; t += window) {
                 path.state(t, state);
-                window = path.window(t, std::fmin(duration - t, longest));
+                window = path.window(t, std::min(duration - t, longest));
                 if (!(window > 0.0)) return false;  // the flight has no end
-                const double reached = std::fmax(peaks.size[i], at_end);
+                const double reached = std::max(peaks.size[i], at_end);
                 const bool covered = path.window(t, duration - t) >= duration - t;
                 if (covered && path.bounds(rows.value[i], t, state, duration - t).level <= reached) break;
                 if (path.bounds(rows.value[i], t, state, window).level <= reached) continue;

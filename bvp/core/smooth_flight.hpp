@@ -185,7 +185,7 @@ private:
 template <int N>
 class SmoothPath {
 public:
-    static constexpr int SIZE = N;
+    static constexpr int SIZE = N, PAIRS = DYNAMIC;
     SmoothPath(const SmoothFlight<N>& flight, Values z, double duration)
         : flight_(flight), path_(flight.fly(z, duration)) {}
 

@@ -18,6 +18,9 @@ public:
     explicit StepTable(const std::vector<Block>& blocks);
 
     bool is_usable() const { return usable_; }
+    /// The number of blocks where all are pairs that oscillate, else 0. Where the compiler knows it, it is the parameter P of what
+    /// follows, with the same arithmetic; DYNAMIC: any table.
+    int pairs() const { return pairs_; }
     /// Whether no block damps, so that bounds do not become less.
     bool is_steady() const { return steady_; }
     int count() const { return count_; }
@@ -28,84 +31,173 @@ public:
     /// Whether x and then y is the order of the entries themselves.
     bool is_split() const { return split_; }
     /// Take a vector of N entries apart: x, then y.
-    void split(Values z, double* out) const {
+    template <int P = DYNAMIC>
+    void split(const double* z, double* out) const {
         if (split_) {
-            for (int r = 0; r < 2 * count_; ++r) out[r] = z[r];
+            for (int r = 0; r < 2 * size<P>(); ++r) out[r] = z[r];
             return;
         }
-        for (int k = 0; k < count_; ++k) {
+        for (int k = 0; k < size<P>(); ++k) {
             out[k] = z[blocks_[k].first];
-            out[count_ + k] = blocks_[k].is_pair() ? z[blocks_[k].second] : 0.0;
+            out[size<P>() + k] = P != DYNAMIC || blocks_[k].is_pair() ? z[blocks_[k].second] : 0.0;
         }
     }
 
-    /// out = exp(B t) z, up to rounding as `LinearFlight::end`, with what is known of the pairs.
-    template <class Out>
-    void flow(Values z, double t, Out&& out) const {
-        Local<double, DYNAMIC, 32> cosines(count_), sines(count_);
-        double *c = cosines.data(), *s = sines.data();
-        for (int k = 0; k < count_; ++k) sincos(frequencies_[k] * t, s[k], c[k]);
-        for (int k = 0; k < count_; ++k) {
-            const Block& b = blocks_[k];
+    /// exp(mean t) cos(w t) and exp(mean t) sin(w t) of all blocks at one time: the exact flow takes nothing else.
+    template <int P = DYNAMIC>
+    struct Turns {
+        Local<double, P> cosine, sine;
+        explicit Turns(int count) : cosine(count), sine(count) {}
+    };
+    /// Set the turns of a time.
+    template <int P>
+    void turn(double t, Turns<P>& turns) const {
+        double *c = turns.cosine.data(), *s = turns.sine.data();
+        for (int k = 0; k < size<P>(); ++k) sincos(shapes_[k].frequency * t, s[k], c[k]);
+        for (int k = 0; k < size<P>(); ++k) {
             const Shape& shape = shapes_[k];
-            const double decay = b.mean == 0.0 ? 1.0 : exp(b.mean * t), x = z[b.first];
-            if (!b.is_pair()) {
-                out[b.first] = decay * x;
+            if (P == DYNAMIC && shape.rigid) s[k] = t;
+            if (shape.mean == 0.0) continue;
+            const double decay = exp(shape.mean * t);
+            c[k] *= decay, s[k] *= decay;
+        }
+    }
+    /// The turns of a time later by less than `slight()`: five terms of the series of exp(z) - 1, with z = (mean + i w) t, are
+    /// exact to rounding. The change is added. A product with the cosine of a small angle would be rounded to the same side at
+    /// each impact of a nearly steady motion.
+    template <int P>
+    void turn_slightly(const Turns<P>& turns, double t, Turns<P>& out) const {
+        const double *cosines = turns.cosine.data(), *sines = turns.sine.data();
+        double *later_cosines = out.cosine.data(), *later_sines = out.sine.data();
+        for (int k = 0; k < size<P>(); ++k) {
+            const Shape& shape = shapes_[k];
+            const double c = cosines[k], s = sines[k];
+            if (P == DYNAMIC && shape.rigid) {
+                later_cosines[k] = c, later_sines[k] = s + t;
                 continue;
             }
-            const double y = z[b.second], slope = shape.rigid ? t : s[k];
-            out[b.first] = decay * (c[k] * x + slope * (shape.c11 * x + shape.c12 * y));
-            out[b.second] = decay * (c[k] * y + slope * (shape.c21 * x + shape.c22 * y));
+            // z + z^2/2 + z^2 (z/6 + z^2 (1/24 + z/120)): short chains of products.
+            const double x = shape.mean * t, y = shape.frequency * t;
+            const double square = x * x - y * y, other = 2.0 * (x * y);
+            const double last = 1.0 / 24.0 + x * (1.0 / 120.0), last_other = y * (1.0 / 120.0);
+            const double inner = x * (1.0 / 6.0) + (square * last - other * last_other);
+            const double inner_other = y * (1.0 / 6.0) + (square * last_other + other * last);
+            const double real = (x + 0.5 * square) + (square * inner - other * inner_other);
+            const double imaginary = (y + 0.5 * other) + (square * inner_other + other * inner);
+            later_cosines[k] = c + (c * real - s * imaginary);
+            later_sines[k] = s + (c * imaginary + s * real);
+        }
+    }
+    /// A time within which `turn_slightly` holds.
+    double slight() const { return slight_; }
+
+    /// out = exp(B t) z, up to rounding as `LinearFlight::end`, with what is known of the pairs.
+    template <int P>
+    void flow(const double* z, const Turns<P>& turns, double* out) const {
+        const double *cosines = turns.cosine.data(), *sines = turns.sine.data();
+        for (int k = 0; k < size<P>(); ++k) {
+            const Shape& shape = shapes_[k];
+            const int i = shape.first, j = shape.second;
+            const double c = cosines[k], s = sines[k], x = z[i];
+            if (P == DYNAMIC && j < 0) {
+                out[i] = c * x;
+                continue;
+            }
+            const double y = z[j];
+            if (P == DYNAMIC && shape.rigid) {
+                out[i] = c * x + s * (shape.c11 * x + shape.c12 * y);
+                out[j] = c * y + s * (shape.c21 * x + shape.c22 * y);
+                continue;
+            }
+            // As `flow_pair`: b21 is the value that belongs to the other numbers, which are the exact ones of the energy. Rounding
+            // errors of the determinant then have either sign, and the energy of many flights does not drift.
+            const double part = s / shape.frequency, turned = part * x;
+            out[i] = c * x + part * (shape.half * x + shape.b12 * y);
+            out[j] = c * y - part * (shape.half * y) -
+                (shape.frequency * (shape.frequency * turned) + shape.half * (shape.half * turned)) / shape.b12;
         }
     }
 
     /// out = B z.
-    template <class Z>
-    void rate(const Z& z, double* out) const {
-        for (int k = 0; k < count_; ++k) {
+    template <int P>
+    void rate(const double* z, double* out) const {
+        for (int k = 0; k < size<P>(); ++k) {
             const Block& b = blocks_[k];
-            const double x = z[b.first];
-            if (!b.is_pair()) {
-                out[b.first] = b.mean * x;
+            const int i = b.first, j = b.second;
+            const double x = z[i];
+            if (P == DYNAMIC && j < 0) {
+                out[i] = b.mean * x;
                 continue;
             }
-            const double y = z[b.second];
-            out[b.first] = b.b11 * x + b.b12 * y, out[b.second] = b.b21 * x + b.b22 * y;
+            const double y = z[j];
+            out[i] = b.b11 * x + b.b12 * y, out[j] = b.b21 * x + b.b22 * y;
         }
     }
 
-    /// The state after the longest step.
-    void step(Values z, Vector<double> out) const {
-        const double* e = entries(0);
-        for (int k = 0; k < count_; ++k) {
-            const int i = blocks_[k].first, j = blocks_[k].second;
-            out[i] = e[k] * z[i];
-            if (!blocks_[k].is_pair()) continue;
-            out[i] += e[count_ + k] * z[j];
-            out[j] = e[2 * count_ + k] * z[i] + e[3 * count_ + k] * z[j];
+    /// Amplitudes of the first entries of all blocks: every amplitude of a pair is a multiple of its one.
+    template <int P>
+    void radii(const double* z, double* out) const {
+        for (int k = 0; k < size<P>(); ++k) {
+            const Shape& shape = shapes_[k];
+            const double x = z[shape.first];
+            double y = P != DYNAMIC || shape.second >= 0 ? z[shape.second] : 0.0;
+            if (P != DYNAMIC || !shape.rigid) y = shape.c11 * x + shape.c12 * y;
+            out[k] = std::sqrt(x * x + y * y);
         }
     }
+    /// The amplitudes of row . z for first entries of amplitude 1, one of each block.
+    void reaches(Values row, double* out) const;
+    /// out = the row of the rate of row . z.
+    void rate_row(Values row, Vector<double> out) const;
+    /// What rounding errors of row . z are relative to, the same way.
+    void sizes(Values row, double* out) const;
 
     /// Bounds of f = row . z and of its derivatives from a state on, for all times up to a horizon.
     struct Amplitudes {
-        double level, second, third, fourth;
-        double size;  // what rounding errors of f are relative to
+        double level = 0.0, second = 0.0, third = 0.0, fourth = 0.0, fifth = 0.0;
     };
-    Amplitudes amplitudes(Values row, Values z, double horizon) const;
+    /// radii: of the state; reaches: of the row. Of a rigid pair both are taken anew.
+    template <int P>
+    Amplitudes amplitudes(Values row, const double* reaches, const double* z, const double* radii, double horizon) const {
+        Amplitudes out;
+        for (int k = 0; k < size<P>(); ++k) {
+            const Shape& shape = shapes_[k];
+            double level = reaches[k] * radii[k];
+            if (P == DYNAMIC && shape.rigid) {
+                const double a = row[blocks_[k].first], b = row[blocks_[k].second];
+                const double x = z[blocks_[k].first], y = z[blocks_[k].second];
+                level = std::fabs(a * x + b * y) + horizon *
+                    std::fabs(a * (shape.c11 * x + shape.c12 * y) + b * (shape.c21 * x + shape.c22 * y));
+                if (!(level >= 0.0)) level = std::fabs(a * x + b * y);  // no rate over an infinite time
+            }
+            const double second = shape.square * level;
+            out.level += level;
+            out.second += second;
+            out.third += shape.rate * second;
+            out.fourth += shape.square * second;
+            out.fifth += shape.square * (shape.rate * second);
+        }
+        return out;
+    }
 
 private:
     struct Shape {
         double c11, c12, c21, c22;  // D/w of a pair that oscillates, D of a rigid one, else 0
         double square, rate;        // |eigenvalue|^2, |eigenvalue|
-        double up, down;            // ratios of the two entries of a pair
+        double mean, frequency;     // 0 of a single index and of a rigid pair
+        double half, b12;           // (b11 - b22)/2
         bool rigid;
+        int first, second;          // the indices; second < 0: there is none
     };
+    template <int P>
+    int size() const { return P == DYNAMIC ? count_ : P; }
+
     bool usable_ = false, steady_ = true, split_ = true;
-    int count_ = 0;
+    int count_ = 0, pairs_ = 0;
+    double slight_ = 0.0;
     double lengths_[LEVELS];
     std::vector<Block> blocks_;
     std::vector<Shape> shapes_;
-    std::vector<double> frequencies_;  // 0 of a single index and of a rigid pair
     std::vector<double> entries_;
 };
 

@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from bvp.fast_path import DECLINED, FULL_COUNT
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp.test_fast_path import impulsive, many
 
 pytestmark = pytest.mark.rounding
 
@@ -48,23 +46,6 @@ def check_two_masses(count):
 def test_of_two_masses():
     """Oracle: initial energy = dissipated + present, over 10,000 impacts; a conservative one dissipates exactly 0."""
     assert check_two_masses(30) > 9
-
-
-def check_the_fast_path(count):
-    full = 0
-    for system, energy in systems(3, count):
-        found = many(system, impulsive([energy]), 1e9, max_impacts=10_000)
-        if found.reason[0] != DECLINED:
-            assert abs(found.balance[0]) < limit(found.impacts[0]) * energy, (system, energy, found.impacts[0])
-            assert not found.dissipated.any() or system.why_not_conservative()
-            assert (found.impacts[0] == 10_000) == (found.reason[0] == FULL_COUNT)
-            full += found.impacts[0] == 10_000
-    return full
-
-
-def test_of_two_masses_on_the_fast_path():
-    """Oracle: as above."""
-    assert check_the_fast_path(60) > 19
 
 
 @pytest.mark.parametrize("lam", [0.0, 1e-6, 1e-4])

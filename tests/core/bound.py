@@ -5,13 +5,16 @@
 
 import math
 from dataclasses import dataclass
+from unittest.mock import patch
 
 import numpy as np
 import saltus_core as core
 
 from branches.search.starts import curves
 from bvp.closures import cycle_of
+from bvp.forcing import Harmonic
 from bvp.orbits import Orbits
+from bvp.simulate import Simulator
 from bvp.smooth_flights import core_flight, modal_rows
 from bvp.system import vibro_impact_nes
 from continuation.control import Settings, control_of
@@ -230,6 +233,7 @@ def function_calls(orbit):
     values = [1.0], [0.9], [0.8], [-0.7]
     yield core, "watch", ([0], [1e-5], *values, 0.01, 0.01, 0.01, 2)
     yield from search_calls()
+    yield from motion_calls()
     yield from number_calls()
 
 
@@ -262,6 +266,41 @@ def smooth_calls():
     yield flight, "end_along", (z, 0.5, z, 0.1)
     yield core, "slowest_instants", (flight, z, 0.5, True, 4)
     yield from path_calls(flight, z)
+
+
+class Recorded:
+    """In place of the contact modes of the core: it keeps what they are given."""
+
+    def __init__(self, *arguments):
+        self.made, self.added = arguments, []
+
+    def add(self, *arguments):
+        self.added.append(arguments)
+
+
+def motion_calls():
+    """Those of motions: a sink with a load, in its free mode."""
+    table = Simulator(vibro_impact_nes(lam=0.01, rho=0.7), [Harmonic(0.3, [0.0, 0.1])]).table
+    with patch.object(core, "ContactModes", Recorded):
+        given = table.core
+    modes, row = core.ContactModes(*given.made), given.added[0]
+    yield core, "ContactModes", given.made
+    yield modes, "add", row
+    yield modes, "__len__", ()
+    start, fractions = np.array([0.0, 0.0, 0.0, 2.0]), np.array([0.5, 0.9])
+    yield core, "Motion", (modes, start, 2.0, -1, fractions)
+    motion = core.Motion(modes, start, 2.0, -1, fractions)
+    yield motion, "move", (9.0, 20, 50)
+    for name in ("record", "state", "sums", "marks"):
+        yield motion, name, ()
+    starts, most = np.outer([0.5, 1.0, 2.0], start), np.array([5, 10, 20])
+    who, none = np.array([2, 0]), np.full(3, -1)
+    parts = len(motion.sums())
+    summary = nan(3, 9 + parts + len(fractions) * (1 + parts) + 2)
+    yield core, "run_batch", (
+        modes, starts, 0.5 * starts[:, 3] ** 2, np.array([0.7, math.nan, 0.5]), none, most, who, 9.0, fractions, True, False, 2, summary,
+        nan(3, 4), nan(3, 4),
+    )  # fmt: skip
 
 
 def search_calls():

@@ -20,7 +20,9 @@ import saltus_core
 from branches.building.build import build
 from branches.building.plan import Bounds, BuildPlan
 from branches.catalogue import Catalogue
+from bvp.forcing import Constant, Harmonic
 from bvp.multipoint import MultipointProblem
+from bvp.simulate import Simulator, run_linear
 from bvp.smooth_flights import core_flight
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus import discover, load_scene, trace
@@ -92,6 +94,36 @@ def smooth_flights():
             yield f"{name} at {time}", np.concatenate([[end], derivative])
 
 
+def motions():
+    """Events of motions with one, two, three and more pairs, with loads, chatter and sticking; and of many, with marks and peaks."""
+    half = Stop((1.0,), -0.5, 0.75, 0.5)
+    four = ImpactSystem(np.eye(4), np.diag([0.0, 0.125, 0.0, 3.0]), 2.0 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1), [
+        Stop((1.0, -1.0, 0.0, 0.0), -0.25, 0.25, 0.75), Stop((0.0, 0.0, 0.0, 1.0), -0.5, 0.5, 0.0),
+    ])  # fmt: skip
+    chain = ImpactSystem(np.diag([1.0, 2.0, 0.5]), 0.03125 * CHAIN, CHAIN, [Stop((1.0, -1.0, 0.0), -1.0, 1.0, 0.875)])
+    cases = {
+        "oscillator": (ImpactSystem([[1.0]], [[0.0625]], [[1.0]], [half]), [Harmonic(0.75, [1.0])]),
+        "free oscillator": (ImpactSystem([[1.0]], [[0.0625]], [[1.0]], [half]), []),
+        "ball": (ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), lower=0.0, restitution=0.5)]), [Constant([-1.0])]),
+        "sink": (vibro_impact_nes(lam=0.015625, rho=0.75), []),
+        "chain": (chain, []),
+        "two stops": (four, [Constant([0.0, 0.125, 0.0, 0.5])]),
+    }
+    for name, (system, forces) in cases.items():
+        simulator, n = Simulator(system, forces), system.degrees_of_freedom
+        start = np.concatenate([np.full(n, 0.125), np.ldexp(3.0 + np.arange(n), -1)])
+        motion = simulator.run(start[:n], start[n:], 20.0)
+        for part in ("times", "speeds", "losses", "states", "sums"):
+            yield f"{part} of {name}", getattr(motion, part)
+        starts = np.outer([0.25, 0.5, 1.0, 2.0], start)
+        starts[:, :n] = 0.125
+        runs = run_linear(
+            simulator.table, starts, 0.5 * (starts[:, n] * starts[:, n]), np.full(4, 500), 100.0, np.array([0.25, 0.5, 0.75]),
+            with_peaks=True, to_rest=True,
+        )  # fmt: skip
+        yield f"many of {name}", np.hstack(runs)
+
+
 class AtOnce(Future):
     """A call that is done at once, in this process."""
 
@@ -122,7 +154,7 @@ def catalogues():
                             yield f"{name} {table} {column}" + ("" if is_number else f" {value!r}"), value if is_number else []
 
 
-PARTS = [elementary_functions, families, searches, modes, smooth_flights, catalogues]
+PARTS = [elementary_functions, families, searches, modes, smooth_flights, motions, catalogues]
 
 
 def lines():

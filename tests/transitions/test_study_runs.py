@@ -1,4 +1,4 @@
-"""The runs of a study: the compiled call against the general one, closed forms, units, endings; blocks that depend on the plan alone."""
+"""The runs of a study: against single runs, closed forms, units, endings; blocks that depend on the plan alone."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ import pytest
 from bvp.forcing import Harmonic
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from transitions.study import runs as module
 from transitions.study.plan import CLEAR, Axis, StudyPlan
 from transitions.study.runs import Ending, Starts, block_columns, run_block, spent_to_rest
 
@@ -23,19 +22,20 @@ def results(plan, starts=None):
     return run_block(plan, plan.values(0, plan.count), starts)
 
 
-def test_the_compiled_call_and_the_general_run_agree(monkeypatch):
-    """Oracle: the general run, one by one, over a time in which impacts do not magnify rounding to what is asked."""
+def test_the_runs_are_those_of_simulate():
+    """Oracle: simulate, one by one, bit for bit; peaks by their search along the recorded flights."""
     plan = plan_of(axes=(ENERGY, RHO, Axis("mu", values=(0.05, 0.2)), Axis("lam", values=(0.0, 0.03))), until=10.0)
-    fast = results(plan)
-    monkeypatch.setattr(module, "fast_path_numbers", lambda *arguments: None)
-    module._system_of.cache_clear()
-    slow = results(plan)
-    module._system_of.cache_clear()
-    assert list(fast) == list(slow) == list(block_columns(plan)) and np.all(fast["ended"] == Ending.DURATION.code)
-    for name in fast:
-        tolerance = {"time_50": 1e-7, "time_90": 1e-7, "time_99": 1e-7}.get(name, 1e-9)
-        np.testing.assert_allclose(fast[name], slow[name], rtol=tolerance, atol=tolerance, equal_nan=True)
-    assert np.max(fast["impacts"]) > 5
+    found = results(plan)
+    assert list(found) == list(block_columns(plan)) and np.all(found["ended"] == Ending.DURATION.code)
+    for b, energy in enumerate(found["given.energy"].tolist()):
+        system = vibro_impact_nes(found["given.mu"][b], lam=found["given.lam"][b], rho=found["given.rho"][b])
+        motion = simulate(system, [0.0, 0.0], [0.0, np.sqrt(2.0 * energy)], 10.0, marks=(0.5, 0.9, 0.99))
+        assert found["impacts"][b] == motion.impacts and found["sticking_time"][b] == motion.sticking_time
+        times = [np.nan if mark.time is None else mark.time for mark in motion.marks]
+        assert np.array_equal([found[f"time_{k}"][b] for k in (50, 90, 99)], times, equal_nan=True)
+        assert found["nes_share"][b] == pytest.approx(motion.dissipated["stop a"] / motion.initial_energy, abs=1e-13)
+        assert [found["peak_u1"][b], found["peak_u2"][b]] == pytest.approx(motion.peaks, rel=1e-12)
+    assert np.max(found["impacts"]) > 5
 
 
 def test_until_no_impact_is_possible():

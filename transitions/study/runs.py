@@ -1,4 +1,4 @@
-"""The runs of one block: one compiled call simulates most of them, and the general simulator does the others one by one."""
+"""The runs of one block. Those of one linear system are one compiled call; motions with smooth forces are run one by one."""
 
 from __future__ import annotations
 
@@ -13,17 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bvp.fast_path import CLEARED, DECLINED, FULL_COUNT, fast_path_numbers, run_fast_path, with_restitution
-from bvp.motion import MotionStatus
-from bvp.simulate import BeyondStop, Simulator, energies_of
+from bvp.closures import contact_of
+from bvp.forcing import Force
+from bvp.motion import STATUS, MotionStatus
+from bvp.simulate import BeyondStop, Simulator, energies_of, run_linear
 from bvp.system import ImpactSystem
 from transitions.sharing import Sharing, sharing_of
 from transitions.study.plan import CLEAR, FRACTIONS, IMPULSIVE, StudyPlan
 
 __all__ = ["Ending", "Starts", "block_columns", "results_of", "run_block", "spent_to_rest"]
-
-BALANCE = 1e-12
-"""Largest error of the energy balance in the compiled call. The general simulation repeats a run with a larger one."""
 
 OF_MODEL = ("mu", "sigma", "lam")
 """Parameters that the modes depend on."""
@@ -85,14 +83,12 @@ def run_block(plan: StudyPlan, given: Mapping[str, np.ndarray], starts: Starts |
     distinct, which = np.unique(np.stack([given[name] for name in model] + [np.zeros(count)], axis=1), axis=0, return_inverse=True)
     plain = dict(plan.system) if rho is None else {**plan.system, "rho": 1.0}
     descriptions = [json.dumps({**plain, **dict(zip(model, map(float, row), strict=False))}) for row in distinct]
-    systems = [_system_of(description, plan.nes, plan.lo) for description in descriptions]
+    systems = [_system_of(description, plan.nes, plan.lo, tuple(plan.forces)) for description in descriptions]
     runs = _Runs(plan, systems, which.ravel(), rho, *_states(plan, given, systems, which.ravel(), starts), {})
     ended = np.where(np.isfinite(runs.energies), _WAITING, Ending.NO_ORBIT.code)
     runs.out.update({name: np.full(count, np.nan) for name in results_of(plan)})
     runs.out.update(h=runs.energies.copy(), impacts=np.zeros(count), ended=ended)
-    if not plan.forces:
-        _run_compiled(runs)
-    _run_general(runs)
+    (_run_linear if systems[0].system.smooth_forces is None else _run_smooth)(runs)
     runs.out.update(impacts=runs.out["impacts"].astype(np.int32), ended=runs.out["ended"].astype(np.int8))
     return {**{f"given.{name}": np.asarray(values) for name, values in given.items()}, **runs.out}
 
@@ -101,20 +97,20 @@ _WAITING = -1.0  # in place of the code of an ending, for a run that is not done
 
 
 class _System(NamedTuple):
-    """A system of the study, its description, its shares, and its numbers for the compiled call (None if the call cannot do it)."""
+    """A system of the study, its description, its shares, and a simulator of its motions."""
 
     description: dict[str, Any]
     system: ImpactSystem
     sharing: Sharing
-    numbers: np.ndarray | None
+    simulator: Simulator
 
 
 @lru_cache(maxsize=64)
-def _system_of(description: str, nes: tuple[int, ...], lo: tuple[int, ...]) -> _System:
+def _system_of(description: str, nes: tuple[int, ...], lo: tuple[int, ...], forces: tuple[Force, ...]) -> _System:
     plain = json.loads(description)
     system = ImpactSystem.from_description(plain)
     sharing = sharing_of(system, nes, lo)
-    return _System(plain, system, sharing, fast_path_numbers(system, sharing.dampers))
+    return _System(plain, system, sharing, Simulator(system, list(forces), sharing.dampers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,56 +158,66 @@ def _states(
     return states, energies, leaving
 
 
-def _run_compiled(runs: _Runs) -> None:
-    """Do the runs that the compiled call can do."""
-    plan, systems, which, rho = runs.plan, runs.systems, runs.which, runs.rho
-    able = np.array([one.numbers is not None for one in systems])[which] & (runs.energies > 0.0)
-    some = np.flatnonzero(able if rho is None else able & (rho > 0.0))
-    if not len(some):
-        return
-    if rho is None:
-        used, system = np.unique(which[some], return_inverse=True)
-        table = [systems[k].numbers for k in used]
-    else:
-        pairs, system = np.unique(np.stack([which[some], rho[some]], axis=1), axis=0, return_inverse=True)
-        table = [with_restitution(numbers, float(r)) for k, r in pairs if (numbers := systems[int(k)].numbers) is not None]
-    found = run_fast_path(
-        np.array(table), system.ravel(), runs.states[some], runs.energies[some], duration=plan.duration, to_rest=plan.until == CLEAR,
-        max_impacts=plan.impacts, fractions=FRACTIONS,
-    )  # fmt: skip
-    error = np.abs(found.balance) / found.initial_energy
-    good = (found.reason != DECLINED) & (error <= BALANCE)
-    some = some[good]
-    spent, reason = found.dissipated[good] / runs.energies[some, None], found.reason[good]
-    parts = ("gaps", "rest", *(f"stop {stop.name}" for stop in systems[0].system.stops))
-    own = np.array([part in systems[0].sharing.nes_parts for part in parts])
-    timed = Ending.LONGEST.code if plan.until == CLEAR else Ending.DURATION.code
-    clear = (reason == CLEARED) & (plan.until == CLEAR)
-    duration = np.where(clear, np.nan_to_num(found.last_impact[good], nan=0.0), found.duration[good])
-    ended = np.where(clear, Ending.CLEAR.code, np.where(reason == FULL_COUNT, Ending.IMPACTS_FULL.code, timed))
-    runs.write(
-        some, spent[:, own].sum(axis=1), spent[:, ~own].sum(axis=1), *found.times[good].T, found.impacts[good], found.last_impact[good],
-        *found.peaks[good].T, 0.0, duration, error[good], ended,
-    )  # fmt: skip
+def _run_linear(runs: _Runs) -> None:
+    """Do the runs of linear systems."""
+    plan, until_clear = runs.plan, runs.plan.until == CLEAR
+    waiting = runs.out["ended"] == _WAITING
+    for k in np.unique(runs.which[waiting]).tolist():
+        some, (_, system, sharing, simulator) = np.flatnonzero(waiting & (runs.which == k)), runs.systems[k]
+        letters, initial = runs.leaving[some], runs.energies[some]
+        contacts = {letter: contact_of(system, letter) if letter else -1 for letter in np.unique(letters).tolist()}
+        summary, final, modal = run_linear(
+            simulator.table, runs.states[some], initial, np.full(len(some), plan.impacts), plan.duration, np.array(FRACTIONS),
+            restitution=None if runs.rho is None else runs.rho[some], leaving=np.array([contacts[letter] for letter in letters.tolist()]),
+            with_peaks=True, to_rest=until_clear,
+        )  # fmt: skip
+        reason, time, impacts, _, last, clear_from, sticking, rested, _ = summary[:, :9].T
+        parts = len(simulator.parts)
+        spent, work = summary[:, 9 : 9 + parts].copy(), summary[:, 9 + parts]
+        times = summary[:, 10 + parts : 10 + parts + len(FRACTIONS) * (parts + 2) : parts + 2]
+        energy = np.where(rested > 0.0, 0.0, energies_of(system, final, modal))
+        statuses = [STATUS[code] for code in reason.astype(int).tolist()]
+        reached = np.array([status is MotionStatus.DURATION_REACHED for status in statuses])
+        clear = reached & ~np.isnan(clear_from) & until_clear
+        for b in np.flatnonzero(clear & ~(rested > 0.0)).tolist():
+            rest = spent_to_rest(system, simulator.dampers, final[b])
+            if rest is not None:
+                spent[b] += [rest.get(part, 0.0) for part in simulator.parts]
+                energy[b] = 0.0
+        total = spent.sum(axis=1)
+        incoming = np.where(initial > 0.0, initial, total + energy)
+        whole = np.where(incoming > 0.0, incoming, 1.0)
+        error = np.abs(initial + work - total - energy) / whole
+        own = np.array([part in sharing.nes_parts for part in simulator.parts])
+        over = Ending.LONGEST if until_clear else Ending.DURATION
+        ended = [over if status is MotionStatus.DURATION_REACHED else Ending[status.name] for status in statuses]
+        codes = np.where(clear, Ending.CLEAR.code, [ending.code for ending in ended])
+        duration = np.where(clear, np.nan_to_num(last, nan=0.0), time)
+        begun = codes != Ending.OUTSIDE.code
+        runs.out["ended"][some] = codes
+        runs.write(some[begun], *(column[begun] for column in (
+            spent[:, own].sum(axis=1) / whole, spent[:, ~own].sum(axis=1) / whole, *times.T, impacts, last,
+            *summary[:, summary.shape[1] - final.shape[1] // 2 :].T, sticking, duration, error, codes,
+        )))  # fmt: skip
 
 
-def _run_general(runs: _Runs) -> None:
-    """Do the runs that are left. Runs of one system are done together, except starts on a stop."""
+def _run_smooth(runs: _Runs) -> None:
+    """Do the runs of systems with smooth forces. Runs of one system are done together, except starts on a stop."""
     plan, n = runs.plan, runs.systems[0].system.degrees_of_freedom
     groups: dict[tuple[int, float | None, str], list[int]] = {}
     for b in np.flatnonzero(runs.out["ended"] == _WAITING).tolist():
         restitution = None if runs.rho is None else float(runs.rho[b])
         groups.setdefault((int(runs.which[b]), restitution, str(runs.leaving[b])), []).append(b)
     for (k, restitution, contact), some in groups.items():
-        description, system, sharing, _ = runs.systems[k]
+        description, system, sharing, simulator = runs.systems[k]
         if restitution is not None:
             system = ImpactSystem.from_description({**description, "rho": restitution})
-        simulator = Simulator(system, list(plan.forces), sharing.dampers)
+            simulator = Simulator(system, list(plan.forces), sharing.dampers)
         if not contact:
             batch = simulator.run_many(runs.states[some], plan.duration, plan.impacts, FRACTIONS, with_peaks=True)
             for i, b in enumerate(some):
                 row = SimpleNamespace(**{name: getattr(batch, name)[i] for name in _RESULTS})
-                _write_general(runs, b, simulator, sharing, row, batch.marks[i, :, 0])
+                _write_smooth(runs, b, simulator, sharing, row, batch.marks[i, :, 0])
             continue
         for b in some:
             try:
@@ -219,7 +225,7 @@ def _run_general(runs: _Runs) -> None:
             except BeyondStop:
                 runs.out["ended"][b] = Ending.OUTSIDE.code
                 continue
-            _write_general(runs, b, simulator, sharing, motion, [mark.time for mark in motion.marks])
+            _write_smooth(runs, b, simulator, sharing, motion, [mark.time for mark in motion.marks])
 
 
 _RESULTS = (
@@ -228,8 +234,8 @@ _RESULTS = (
 """What is taken of a `Motion`, or of a row of a `Batch`."""
 
 
-def _write_general(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, run: Any, times: Any) -> None:
-    """Write the results of one general run, a `Motion` or a row of a `Batch`. A missing time of a fraction is None or NaN."""
+def _write_smooth(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, run: Any, times: Any) -> None:
+    """Write the results of one run, a `Motion` or a row of a `Batch`. A missing time of a fraction is None or NaN."""
     if run.status is not MotionStatus.DURATION_REACHED:
         ended = Ending[run.status.name]
     elif runs.plan.until != CLEAR:
