@@ -21,6 +21,7 @@ import saltus_core
 
 from bvp.blocks import Blocks, exact_product, traceless
 from bvp.checks import EPSILON
+from bvp.dense import inner, orthonormal, product, solve
 from bvp.forcing import BudgetTerms, Forcing
 from bvp.kernels.contact_mode import ContactModes
 from bvp.modes import balanced, modal_impulse, reduced_blocks, two_parts
@@ -56,18 +57,18 @@ def contact_mode_of(system: ImpactSystem, sticking: int, forcing: Forcing, terms
     contacts = [c for c in range(len(modes.contacts.side)) if sticking >> c & 1]
     rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts]).reshape(-1, n)
     k = len(contacts)
-    inverse_rows = np.linalg.solve(system.mass, rows.T)
-    compliance = rows @ inverse_rows
+    inverse_rows = solve(system.mass, rows.T)
+    compliance = product(rows, inverse_rows)
     if k and np.linalg.cond(compliance) > 1e12:
         raise RuntimeError("stops stick whose gaps depend on each other")
-    basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:] if k else np.eye(n)
+    basis = orthonormal(rows.T)[:, k:] if k else np.eye(n)
     basis = np.where(np.abs(basis) <= 8.0 * n * EPSILON, 0.0, basis)
-    lift = np.linalg.solve(compliance, inverse_rows.T).T if k else np.zeros((n, 0))
+    lift = solve(compliance, inverse_rows.T).T if k else np.zeros((n, 0))
     blocks, left = _blocks(system, basis, k)
     m = n - k
     loads = np.concatenate([np.zeros((k, m, 2)), np.einsum("nm,gnk->gmk", basis, forcing.loads)])
-    noise = np.abs(basis).T @ np.abs(system.stiffness) @ np.abs(lift)
-    frozen = basis.T @ system.stiffness @ lift
+    noise = product(np.abs(basis).T, np.abs(system.stiffness), np.abs(lift))
+    frozen = product(basis.T, system.stiffness, lift)
     loads[:k, :, 0] = -np.where(np.abs(frozen) <= 8.0 * n * EPSILON * noise, 0.0, frozen).T
     frequency = np.concatenate([np.zeros(k), forcing.frequency])
     bounds = [abs(modes.contacts.bound[c]) for c in contacts]
@@ -77,19 +78,20 @@ def contact_mode_of(system: ImpactSystem, sticking: int, forcing: Forcing, terms
     reduced = np.zeros((2 * n, 2 * m))
     reduced[:n, :m] = reduced[n:, m:] = basis
     loaded, fixed = 2 * len(forcing.loads), np.array(layout.load_states[:k], dtype=int)
-    leave = reduced @ layout.position
+    leave = product(reduced, layout.position)
     leave[:n, fixed] += lift
     down = np.zeros((2 * m, 2 * n))
     down[:m, :n] = down[m:, n:] = left
     none = np.zeros((2 * m, loaded))
-    shapes, weights = np.kron(np.eye(2), modes.shapes), np.kron(np.eye(2), modes.shapes.T @ system.mass)
+    shapes, weights = np.kron(np.eye(2), modes.shapes), np.kron(np.eye(2), product(modes.shapes.T, system.mass))
     levels = np.zeros((2, 2 * k + loaded, 2 * n + loaded))  # y of the sticking stops and loads, from (u, v, y) and from (q, p, y)
     levels[0, : 2 * k : 2, :n], levels[1, : 2 * k : 2, :n] = rows, exact_product(rows, modes.shapes)
     levels[:, 2 * k :, 2 * n :] = np.eye(loaded)
-    enter = layout.states @ np.hstack([blocks.from_state @ down, none]) + layout.loads @ levels[0]
-    to_modes = _snapped(exact_product(weights, reduced, blocks.to_state)) @ layout.inside
+    enter = product(layout.states, np.hstack([product(blocks.from_state, down), none])) + product(layout.loads, levels[0])
+    to_modes = product(_snapped(exact_product(weights, reduced, blocks.to_state)), layout.inside)
     to_modes[:n, fixed] += exact_product(weights[:n, :n], lift)
-    from_modes = layout.states @ np.hstack([_snapped(exact_product(blocks.from_state, down, shapes)), none]) + layout.loads @ levels[1]
+    from_modes = np.hstack([_snapped(exact_product(blocks.from_state, down, shapes)), none])
+    from_modes = product(layout.states, from_modes) + product(layout.loads, levels[1])
     outer = np.zeros((loaded, size))
     for g, begin in enumerate(layout.load_states[k:]):
         outer[2 * g, begin] = outer[2 * g + 1, begin + 1] = 1.0
@@ -97,33 +99,33 @@ def contact_mode_of(system: ImpactSystem, sticking: int, forcing: Forcing, terms
     acceleration = np.zeros_like(gap)
     side, bound = modes.contacts.side.copy(), modes.contacts.bound.copy()
     closed = {int(modes.contact_stop[c]) for c in contacts}
-    press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, to_modes, outer)) if k else gap[:0]
+    press = solve(compliance, _free_acceleration(system, inverse_rows, forcing, to_modes, outer)) if k else gap[:0]
     for c in range(len(side)):
         if c in contacts:
             gap[c] = side[c] * press[contacts.index(c)]
-            rate[c] = gap[c] @ layout.matrix
-            acceleration[c] = rate[c] @ layout.matrix
+            rate[c] = product(gap[c], layout.matrix)
+            acceleration[c] = product(rate[c], layout.matrix)
             side[c], bound[c] = -1.0, 0.0
         elif int(modes.contact_stop[c]) in closed or not _moves(system, rows, modes.contact_stop[c]):
             side[c], bound[c] = 1.0, NEVER
         else:
             row = np.array(system.stops[modes.contact_stop[c]].gap)
             modal = exact_product(row, modes.shapes)
-            gap[c] = np.where(exact_product(modal, to_modes[:n]) == 0.0, 0.0, row @ leave[:n])
-            rate[c] = np.where(exact_product(modal, to_modes[n:]) == 0.0, 0.0, row @ leave[n:])
-            acceleration[c] = rate[c] @ layout.matrix
+            gap[c] = np.where(exact_product(modal, to_modes[:n]) == 0.0, 0.0, product(row, leave[:n]))
+            rate[c] = np.where(exact_product(modal, to_modes[n:]) == 0.0, 0.0, product(row, leave[n:]))
+            acceleration[c] = product(rate[c], layout.matrix)
     push, push_rest = np.zeros_like(gap), np.zeros_like(gap)
     for c in range(len(side)):
         if c not in contacts and bound[c] != NEVER:
             participation = exact_product(np.array(system.stops[modes.contact_stop[c]].gap), basis, blocks.shapes)
-            jump = blocks.shapes @ participation / (participation @ participation)
+            jump = product(blocks.shapes, participation) / inner(participation, participation)
             clear = exact_product(from_modes[:, n : 2 * n], weights[n:, n:], basis, jump) == 0.0
-            push[c] = balanced(np.where(clear, 0.0, enter[:, n : 2 * n] @ (basis @ jump)), rate[c])
-            exact = None if k else modal_impulse(system, modes, rate[c] @ layout.states)
+            push[c] = balanced(np.where(clear, 0.0, product(enter[:, n : 2 * n], product(basis, jump))), rate[c])
+            exact = None if k else modal_impulse(system, modes, product(rate[c], layout.states))
             if exact is not None:
                 near, rest = two_parts(exact)
-                push[c], push_rest[c] = layout.states @ near, layout.states @ rest
-    second = terms.velocity @ leave[n:]
+                push[c], push_rest[c] = product(layout.states, near), product(layout.states, rest)
+    second = product(terms.velocity, leave[n:])
     first = np.where((terms.load < 0)[:, None], second, outer[terms.load] if len(outer) else second)
     arrays = {
         **{"pairs": layout.pairs, "mean": layout.mean, "delta": layout.delta, "matrix": layout.matrix},
@@ -138,14 +140,14 @@ def _blocks(system: ImpactSystem, basis: np.ndarray, count: int) -> tuple[Blocks
     """The blocks of the reduced system and the map r = left u; the free system keeps its own modes."""
     if not count:
         return system.modes, np.eye(len(basis))
-    mass, damping = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping))
+    mass, damping = (product(basis.T, matrix, basis) for matrix in (system.mass, system.damping))
     stiffness = exact_product(basis.T, system.stiffness, basis)
     m = len(mass)
     if not m:
         none = np.zeros((0, 0))
         return Blocks("uncoupled", none, np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), none, none, none), basis.T
     blocks = reduced_blocks(system, basis, mass, damping, stiffness)
-    return blocks, np.linalg.solve(0.5 * (mass + mass.T), basis.T @ system.mass)
+    return blocks, solve(0.5 * (mass + mass.T), product(basis.T, system.mass))
 
 
 def _free_acceleration(
@@ -158,7 +160,7 @@ def _free_acceleration(
     pull = exact_product(inverse_rows.T, np.hstack([stiffness, damping]))
     force = -exact_product(pull, to_modes)
     if len(outer):
-        force = force + exact_product(inverse_rows.T, np.concatenate(list(forcing.loads), axis=1)) @ outer
+        force = force + product(exact_product(inverse_rows.T, np.concatenate(list(forcing.loads), axis=1)), outer)
     return force
 
 
@@ -174,7 +176,7 @@ def _moves(system: ImpactSystem, rows: np.ndarray, stop: int) -> bool:
     if not len(rows):
         return True
     row = np.array(system.stops[stop].gap)
-    left = row - np.linalg.lstsq(rows.T, row, rcond=None)[0] @ rows
+    left = row - product(np.linalg.lstsq(rows.T, row, rcond=None)[0], rows)
     return bool(np.abs(left).max() > 1e-12 * np.abs(row).max())
 
 
@@ -221,7 +223,7 @@ class ContactModeTable:
 
     def entered(self, sticking: int, x: np.ndarray) -> np.ndarray:
         """The state of a contact mode from x = (u, v, y)."""
-        z: np.ndarray = self.modes[sticking]["enter"] @ x
+        z: np.ndarray = product(self.modes[sticking]["enter"], x)
         return z
 
     @cached_property
@@ -251,7 +253,7 @@ class ContactModeTable:
     def _of_all(self) -> dict[str, np.ndarray]:
         """The arrays that the modes have in common, besides the terms of the budget."""
         contacts = self.system.modes
-        reduced = np.array([1.0 / (row @ np.linalg.solve(self.system.mass, row)) for row in (np.array(s.gap) for s in self.system.stops)])
+        reduced = np.array([1.0 / inner(row, solve(self.system.mass, row)) for row in (np.array(s.gap) for s in self.system.stops)])
         return {
             "sticking": np.array(list(self.modes), dtype=np.int64),
             "restitution": contacts.contacts.restitution,
@@ -295,7 +297,7 @@ def join(
     m, count = basis.shape[1], len(loads)
     gaps = np.array([stop.gap for stop in system.stops])
     reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
-    inverse = blocks.from_state[:, m:] @ blocks.shapes @ blocks.shapes.T if m else np.zeros((0, 0))
+    inverse = product(blocks.from_state[:, m:], blocks.shapes, blocks.shapes.T) if m else np.zeros((0, 0))
     drives = [exact_product(inverse, load) for load in loads]
     pieces: list[tuple[list[int], np.ndarray, np.ndarray, list[Group], list[np.ndarray], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
@@ -305,17 +307,17 @@ def join(
     todo = [(index, np.eye(len(index)), np.eye(len(index)), False) for index in reversed(whole)]
     while todo:
         index, columns, rows, fast = todo.pop()
-        own = rows @ blocks.matrix[np.ix_(index, index)] @ columns
+        own = product(rows, blocks.matrix[np.ix_(index, index)], columns)
         joined = []
         for g in range(count):
-            drive = rows @ drives[g][index]
+            drive = product(rows, drives[g][index])
             if not np.any(drive):
                 continue
             solution = _sylvester(own, _generator(frequency[g]), drive)
             if solution is not None:
-                moved = np.abs(gaps @ basis @ blocks.to_state[:m, index] @ columns @ solution) @ sizes[g]
+                moved = product(np.abs(product(gaps, basis, blocks.to_state[:m, index], columns, solution)), sizes[g])
                 if fast or (np.all(moved <= PARTICULAR_LIMIT * reach) and _amplification(own, frequency[g]) <= PARTICULAR_LIMIT):
-                    particular[np.ix_(index, [2 * g, 2 * g + 1])] += columns @ solution
+                    particular[np.ix_(index, [2 * g, 2 * g + 1])] += product(columns, solution)
                     continue
             joined.append(g)
         apart = _rates_apart(own, pace) if joined and len(own) == 2 else None
@@ -326,7 +328,7 @@ def join(
         if joined:
             ratios = _ratios(own, pace)
             own, columns, rows = own * ratios[:, None] / ratios, columns / ratios, ratios[:, None] * rows
-        groups = _groups(joined, frequency, [rows @ drive[index] for drive in drives])
+        groups = _groups(joined, frequency, [product(rows, drive[index]) for drive in drives])
         joint = np.zeros((len(own) + 2 * len(groups),) * 2)
         joint[: len(own), : len(own)] = own
         units = []
@@ -337,7 +339,7 @@ def join(
             entries = np.array([1.0, 1.0 if frequency[lead] > 0.0 else 1.0 / pace])
             generator = _generator(frequency[lead]) * entries[:, None] / entries
             rate = max(np.abs(own).max(), np.abs(generator).max())
-            drive = rows @ drives[lead][index]
+            drive = product(rows, drives[lead][index])
             units.append(entries * 2.0 ** float(np.round(np.log2(np.abs(drive / entries).max() / rate))))
             at = slice(len(own) + 2 * k, len(own) + 2 * k + 2)
             joint[: len(own), at] = drive / units[k]
@@ -355,7 +357,7 @@ def join(
         matrix[np.ix_(place, place)] = joint
         inside[np.ix_(index, place[:size])] = columns
         states[np.ix_(place[:size], index)] = rows
-        into[place[:size]] = -rows @ particular[index]
+        into[place[:size]] = product(-rows, particular[index])
         for k, group in enumerate(groups):
             for g, turn in group:
                 into[place[size + 2 * k : size + 2 * k + 2], 2 * g : 2 * g + 2] = units[k][:, None] * turn
@@ -366,7 +368,7 @@ def join(
         start += width
     layout = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     mean, delta = traceless(matrix, layout)
-    return Joined(layout, mean, delta, matrix, inside, blocks.to_state @ inside, states, into, load_states)
+    return Joined(layout, mean, delta, matrix, inside, product(blocks.to_state, inside), states, into, load_states)
 
 
 def _pace(system: ImpactSystem, frequency: np.ndarray) -> float:

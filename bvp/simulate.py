@@ -12,6 +12,7 @@ import saltus_core
 from bvp.checks import finite_numbers, is_finite, require_system
 from bvp.closures import contact_of
 from bvp.contact_modes import ContactModeTable
+from bvp.dense import product
 from bvp.forcing import BudgetTerms, Forcing, budget_terms, forcing_of, split_damping
 from bvp.interrupts import InterruptHandler, Pace, defer_interrupts
 from bvp.kernels import contact_mode as places
@@ -40,7 +41,7 @@ def energies_of(system: ImpactSystem, states: np.ndarray, modal: np.ndarray | No
     state does not depend on the others."""
     n, squares = system.degrees_of_freedom, system.modes.squares
     if modal is None:
-        to_modes = system.mass @ system.modes.shapes
+        to_modes = product(system.mass, system.modes.shapes)
         # Sums in the order of the coordinates; that of a matrix product depends on the number of states.
         modal = np.hstack([(part[:, :, None] * to_modes).sum(axis=1) for part in (states[:, :n], states[:, n:])])
     found: np.ndarray = 0.5 * (modal[:, n:] ** 2 + squares * modal[:, :n] ** 2).sum(axis=1)
@@ -152,7 +153,7 @@ class Simulator:
             unreached: tuple[None, list[float]] = (None, [])
             reached = [*end.marks, *[unreached] * (len(fractions) - len(end.marks))]
             last = np.pad(end.z, (0, modes.matrix.shape[1] - len(end.z)))
-            final = modes.leave[end.mode] @ last
+            final = product(modes.leave[end.mode], last)
             numbers, columns, before, states, sums = record
             motion = Motion(
                 system=system,
@@ -175,7 +176,7 @@ class Simulator:
                 sticking_time=end.sticking_time,
                 switch_error=end.switch_error,
                 initial_energy=initial,
-                energy=float(energies_of(system, final[None], (modes.to_modes[end.mode] @ last)[None])[0]),
+                energy=float(energies_of(system, final[None], product(modes.to_modes[end.mode], last)[None])[0]),
                 marks=tuple(
                     EnergyMark(float(fraction), time, dict(zip(self.parts, spent[:-1], strict=True)))
                     if time is not None

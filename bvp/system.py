@@ -19,6 +19,7 @@ import numpy as np
 
 from bvp.blocks import Matrices
 from bvp.checks import EPSILON, SMALLEST, InvalidSystem, checked_number, read_only, reals, refuse_unknown, square
+from bvp.dense import product
 from bvp.modes import repeated_contacts, system_modes
 from bvp.springs import Damper, Spring, element_from, is_nonlinear
 from bvp.texts import brief, listed, shown
@@ -280,7 +281,8 @@ class ImpactSystem(Matrices):
         """
         u, v = reals(u), reals(v)
         with np.errstate(invalid="ignore", over="ignore"):
-            total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
+            moved, pulled = (product(rows.reshape(-1, rows.shape[-1]), matrix) for rows, matrix in ((v, self.mass), (u, self.stiffness)))
+            total = 0.5 * (np.sum(moved.reshape(v.shape) * v, axis=-1) + np.sum(pulled.reshape(u.shape) * u, axis=-1))
         if self.smooth_forces is not None and self.has_potential:
             total = total + self.smooth_forces.energy(u)
         return float(total) if np.ndim(total) == 0 else total

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from bvp.checks import read_only, reals, require_motion
+from bvp.dense import product
 from bvp.interrupts import Pace
 from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS
@@ -141,7 +142,7 @@ class SampledMotion:
         row = np.asarray(gap, dtype=float)
         if row.shape != (self.degrees_of_freedom,):
             raise ValueError(f"the gap coordinate has {row.size} entries; the record has {self.degrees_of_freedom} coordinates")
-        return self.displacements @ row, self.velocities @ row
+        return product(self.displacements, row), product(self.velocities, row)
 
 
 def samples_of(motion: Motion, span: float) -> int:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from bvp.checks import is_finite, reals, require_system
+from bvp.dense import product
 from bvp.kernels.contact_mode import ContactModes
 from bvp.system import ImpactSystem
 from bvp.texts import shown
@@ -253,11 +254,12 @@ class SectionPlane:
         position, velocity = phases.leave[:, :2], phases.leave[:, 2:]
         own = velocity[:, self.primary]
         functional = np.stack([position[:, self.primary], own, np.einsum("fn,fnk->fk", own, phases.matrix)], axis=1)
-        plane = np.stack([position[:, self.other], self.system.mass[self.other] @ velocity / self._constants[0]], axis=1)
-        potential = position.transpose(0, 2, 1) @ self.system.stiffness @ position
-        quadratic = potential + velocity.transpose(0, 2, 1) @ self.system.mass @ velocity
-        return functional, plane, np.ascontiguousarray(quadratic)
+        moved = (self.system.mass[self.other][:, None] * velocity).sum(axis=1)
+        plane = np.stack([position[:, self.other], moved / self._constants[0]], axis=1)
+        parts = ((self.system.stiffness, position), (self.system.mass, velocity))
+        potential, kinetic = (np.stack([product(rows.T, matrix, rows) for rows in part]) for matrix, part in parts)
+        return functional, plane, potential + kinetic
 
     def coordinates(self, u: Any, v: Any) -> np.ndarray:
         """x and y of states (m, 2): (m, 2)."""
-        return np.stack([np.asarray(u)[:, self.other], np.asarray(v) @ self.system.mass[self.other] / self._constants[0]], 1)
+        return np.stack([np.asarray(u)[:, self.other], product(np.asarray(v), self.system.mass[self.other]) / self._constants[0]], 1)

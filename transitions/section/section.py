@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from bvp.checks import is_finite, is_whole
+from bvp.dense import product
 from bvp.interrupts import Pace
 from bvp.kernels import motion as motion_kernels
 from bvp.kernels.contact_mode import PASSES, ContactModes
@@ -223,7 +224,7 @@ def follow_crossings(
         if sticking >= 0:  # with one more contact mode the orbit is followed from its start
             modes = simulator.table.stacked
             rows = kernels.Rows(*plane.rows(modes))
-            begun = kernels.SectionStarts(np.concatenate([u, v], 1), changes @ modes.enter[0].T)
+            begun = kernels.SectionStarts(np.concatenate([u, v], 1), product(changes, modes.enter[0].T))
             orbit, work = _arrays(simulator, modes)
         orbit.motion.counts[PASSES] = pace.passes
         with pace:
