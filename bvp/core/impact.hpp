@@ -92,7 +92,7 @@ double polish_root(const Path& path, const Contacts& contacts, int c, double cur
         const double bend = limited(-side * dot(contacts.acceleration[c], Values(state)), curvature);
         if (slope >= 0.0) break;
         const double inverse = 1.0 / slope, first = -d * inverse, x = 0.5 * (bend * inverse) * first;
-        double step, rest;
+        double step = 0.0, rest = 0.0;
         bool is_series = false;
         if constexpr (requires { path.rate(Values(state), rate); }) {
             is_series = fourth < INFINITE && std::fabs(x) <= CLOSE;
