@@ -1,9 +1,9 @@
 """Standard output that fails, interrupts, and what the operating system refuses: the files are written, one line says what is wrong."""
 
 import gzip
-import importlib
 import json
 import os
+import pkgutil
 import signal
 import subprocess
 import sys
@@ -125,13 +125,12 @@ def test_an_interrupt_while_a_branch_is_finished_comes_with_the_branch(monkeypat
 
 def interrupting(monkeypatch, place, after=False):
     """Let an interrupt come when a function is first called, before its work or after it."""
-    module, name = place.rsplit(".", 1)
-    asked, sent = getattr(importlib.import_module(module), name), []
+    asked, sent = pkgutil.resolve_name(place), []
 
     def interrupted(*arguments, **options):
         found = asked(*arguments, **options) if after else None
         if not sent:
-            sent.append(name)
+            sent.append(place)
             signal.raise_signal(signal.SIGINT)
         return found if after else asked(*arguments, **options)
 
@@ -210,7 +209,7 @@ def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, m
     """Oracle: the impacts of an undisturbed run, of which the first ones are there."""
     monkeypatch.setattr("saltus.compiling.prepare", lambda *groups: None)
     words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80"]
-    whole, cut, err = interrupted_run(capsys, tmp_path, monkeypatch, words, "bvp.kernels.motion.move", after=True)
+    whole, cut, err = interrupted_run(capsys, tmp_path, monkeypatch, words, "bvp.interrupts.Pace.__exit__", after=True)
     assert err.startswith("saltus: interrupted; the motion is written")
     count = len(cut["impacts"])
     assert 100 < count < len(whole["impacts"]) and cut["impacts"] == whole["impacts"][:count]
@@ -224,7 +223,7 @@ def test_peaks_of_a_long_motion_are_left_out_after_an_interrupt(capsys, tmp_path
     monkeypatch.setattr("saltus.motion.simulation.MOST_IN_A_HURRY", 100)
     monkeypatch.setattr("saltus.compiling.prepare", lambda *groups: None)
     words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80"]
-    whole, cut, _ = interrupted_run(capsys, tmp_path, monkeypatch, words, "bvp.kernels.motion.move", after=True)
+    whole, cut, _ = interrupted_run(capsys, tmp_path, monkeypatch, words, "bvp.interrupts.Pace.__exit__", after=True)
     count = len(cut["impacts"])
     assert cut["peaks"] is None and 100 < count < len(whole["impacts"]) and cut["impacts"] == whole["impacts"][:count]
 
