@@ -201,7 +201,8 @@ def test_alike_oscillators_double_their_periods_together(masses):
     """Oracle: one oscillator. det(M + 1) has a zero of each: of two it only touches zero."""
     places = []
     for some in ((1.0,), masses):
-        problem, y = settled(alike(*some, damping=0.05, harmonic=2.8), ["s"], values={"F": 1.0, "s": 0.0})
+        start = np.full(len(some), -1.0), np.zeros(len(some))
+        problem, y = settled(alike(*some, damping=0.05, harmonic=2.8), ["s"], values={"F": 1.0, "s": -0.3}, start=start)
         run = follow_both_ways(ForcedFamily(problem, (-1.0, 1.0)), problem.solve(y).y, SETTINGS)
         (event,) = [event for event in run.events if event.code == "PD"]
         places.append(event.point.parameter)
