@@ -31,7 +31,9 @@ nb::object integers(const std::vector<int64_t>& values) {
 void make_modes(ContactModes* self, int coordinates, int dampers, int stops, InVector contact_mass, InIndices contact_stop,
                 InIndices part, InVector frequency, InVector breaks, InMatrix levels, InMatrix slopes) {
     const size_t count = contact_mass.shape(0);
-    if (coordinates < 1 || dampers < 0 || stops < 0 || count > 62) throw nb::value_error("a motion has up to 62 contacts");
+    if (count > 62) throw nb::value_error("a motion has up to 62 contacts");
+    for (int64_t part : {int64_t(coordinates) - 1, int64_t(dampers), int64_t(stops)})
+        if (part < 0 || part >= 1'000'000) throw nb::value_error("expected from 1 coordinate, and from no damper and no stop, to a million");
     new (self) ContactModes(ContactFrame{
         coordinates, dampers, stops, own(contact_mass), indices(contact_stop, "contact_stop", count, stops),
         indices(part, "part", part.shape(0), dampers + stops + 1), own(frequency), own(breaks),
