@@ -94,7 +94,7 @@ def repeated(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedP
     size = 2 * problem.degrees_of_freedom
     nodes = np.tile(problem.nodes(y), (times, 1))
     fractions = (nodes[:, size] + np.repeat(np.arange(times), problem.inner + 1)) / times
-    return wide, wide.solve(wide.pack(nodes[:, :size], fractions, [y[size + 1]])).y
+    return wide, wide.solve(wide.pack(nodes[:, :size], fractions, problem.released_values(y))).y
 
 
 def points_table(quick: bool) -> Table:

@@ -30,8 +30,8 @@ from branches.solved_family import AdvancedSteps
 from bvp.checks import read_only
 from bvp.closures import cycle_of
 from bvp.functions import exp, log
-from bvp.kernels.multipoint import ENERGY, QUARTER_PERIOD
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.orbits import RESULT_INDEX
 from bvp.saddles import approached
 from continuation.control import Settings
 from continuation.problem import EndReason, PlainPoints, Point, Points
@@ -389,7 +389,7 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
             (grazing if certain else cuts).append(point.step.y)
     folds = [event.point.y for event in run.events if event.code == "SN"]
     found = solutions_of(run.points)
-    h, alpha = found.result[:, ENERGY], found.result[:, QUARTER_PERIOD]
+    h, alpha = found.result[:, RESULT_INDEX["energy"]], found.result[:, RESULT_INDEX["quarter_period"]]
     if closed and not folds:
         # It turns around in h at orbits of higher symmetry, and is its own image beyond them.
         met = [event.point.y for event in run.events] or [run.points[int(np.argmin(h))].step.y]

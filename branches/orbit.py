@@ -11,9 +11,8 @@ import numpy as np
 
 from branches.naming.labels import ImpossibleLabelError, Label
 from bvp.checks import Frozen, read_only
-from bvp.closures import Cycle, cycle_of
+from bvp.closures import ORIGIN, PERIODIC, STOP, Cycle, cycle_of
 from bvp.dense import product
-from bvp.kernels import multipoint as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, floquet_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import balance, decide, half_map_multipliers, roundings, stability
@@ -196,10 +195,10 @@ def label_at(problem: MultipointProblem, result: Any) -> Label | None:
     None for an orbit outside the grammar (no origin start, no absorber named), and where a velocity that is zero to rounding contradicts
     the counts.
     """
-    if problem.kinds[0] != kernel.ORIGIN or result[RESULT_INDEX["waves_absorber"]] < 0:
+    if problem.kinds[0] != ORIGIN or result[RESULT_INDEX["waves_absorber"]] < 0:
         return None
     m, n, p, q = (int(result[RESULT_INDEX[name]]) for name in ("waves_absorber", "waves_primary", "first_quarter", "second_quarter"))
-    parity = {kernel.ORIGIN: None, kernel.STOP: "O"}.get(problem.kinds[1], "E")
+    parity = {ORIGIN: None, STOP: "O"}.get(problem.kinds[1], "E")
     kind, sign = "U" if parity is None else "S", "+" if result[RESULT_INDEX["in_phase"]] == 1.0 else "-"
     try:
         # Without stops a label counts half-waves alone.
@@ -252,7 +251,7 @@ def orbit_columns(
         "residual": entry["residual"],
         "start_u": physical[:, :n],
         "start_v": physical[:, n:],
-        "velocities": physical[:, n:].copy() if problem.kinds[0] == kernel.ORIGIN else np.full((count, n), np.nan),
+        "velocities": physical[:, n:].copy() if problem.kinds[0] == ORIGIN else np.full((count, n), np.nan),
         "flight_times": rows.y[:, problem.parameters : last : size + 1].reshape(count, -1, problem.pieces).sum(axis=2),
         "impact_speeds": speeds,
     }
@@ -265,9 +264,9 @@ def impact_speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarr
     """Speeds of approach (N, m) at the m impacts of a segment in order of time, those at its ends included, from the states at its start
     (N, 2 n) and at the end of each flight (N, k + 1, 2 n)."""
     side, rate, contact = problem.modes.contacts.side, problem.modes.contacts.rate, problem.contacts.tolist()
-    hits = problem.inner + (problem.kinds[1] in (kernel.STOP, kernel.PERIODIC))
+    hits = problem.inner + (problem.kinds[1] in (STOP, PERIODIC))
     speeds = [side[contact[i]] * product(ends[:, i], rate[contact[i]]) for i in range(hits) if contact[i] >= 0]
-    if problem.kinds[0] == kernel.STOP:
+    if problem.kinds[0] == STOP:
         speeds.insert(0, -side[contact[-1]] * product(starts, rate[contact[-1]]))
     return np.array(speeds).reshape(-1, len(ends)).T
 

@@ -20,10 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, full_sequence, mirror, segments_per_period
-from bvp.closures import Cycle, cycle_of
+from bvp.closures import ORIGIN, STOP, Cycle, cycle_of
 from bvp.dense import product
 from bvp.functions import cos, exp
-from bvp.kernels.multipoint import ORIGIN, STOP
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.smooth_cycles import covers, is_without_impacts, reversal_instants, start_instants, states_at
 from bvp.system import ImpactSystem

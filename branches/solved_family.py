@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from branches.first_orbits import shares_fold
-from branches.kernels.blocks import Block
-from branches.kernels.brackets import MOST, PASSED_OVER, REFUSED, scan_tests
-from branches.steps import CoreSteps, KernelSteps, Place, Sought, empty_block
+from branches.kernels.brackets import scan_tests
+from branches.steps import MOST, PASSED_OVER, REFUSED, Block, CoreSteps, Place, Sought, empty_block
 from bvp.multipoint import RESULT_INDEX, Solution
 from continuation.control import Control
 from continuation.problem import Advance, Goal, Recent, Step, TestFunction
@@ -74,7 +73,7 @@ class SolvedFamily:
     """How many test functions it computes; those that are watched come first."""
 
     @property
-    def _steps(self) -> CoreSteps | KernelSteps:
+    def _steps(self) -> CoreSteps:
         """What takes steps along it."""
         raise NotImplementedError
 
@@ -203,18 +202,23 @@ class SolvedFamily:
         return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
 
 
-def begun_along(family: SolvedFamily, y: np.ndarray, tangent: np.ndarray, scale: np.ndarray) -> Step:
-    """The orbit at y, with its tangent turned like another one of the same family in other unknowns, of which the first m are the same.
+def begun_along(
+    family: SolvedFamily, y: np.ndarray, tangent: np.ndarray, scale: np.ndarray, places: np.ndarray | None = None
+) -> Step:
+    """The orbit at y, with its tangent turned like another one of the same family in other unknowns, of which m are the same.
 
     Parameters
     ----------
     family : SolvedFamily
     y : (u,) float
     tangent : (m + ..,) float
-        The other tangent.
+        The other tangent; its first m entries count.
     scale : (m,) float
         Sizes of the unknowns that are the same.
+    places : (m,) int, optional
+        Where they are in y; by default the first ones.
     """
     step, size = family.begin(y), len(scale)
-    ahead = (step.tangent[:size] / scale) @ (tangent[:size] / scale) if step.converged else 1.0
+    places = np.arange(size) if places is None else places
+    ahead = (step.tangent[places] / scale) @ (tangent[:size] / scale) if step.converged else 1.0
     return family.step(step.y, -step.tangent, 0.0) if ahead < 0.0 else step

@@ -1,38 +1,48 @@
-"""What takes steps along a family, with the test functions of each point: the compiled core, or kernels for loads.
-
-Both fill the rows of a `Block` and have the same methods, so families do not ask which they have.
-"""
+"""What takes steps along a family, with the test functions of each point: the compiled core, which fills the rows of a `Block`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import saltus_core
 
-from branches.kernels.blocks import Beginning, Block, GoalPlane, WatchedTests
-from branches.kernels.brackets import BracketWork, Departure, Known, make_bracket
-from branches.kernels.brackets import Sought as SoughtByKernel
-from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from bvp.multipoint import RESULT_INDEX, Solution
 from continuation.control import Control, kinds_of
 from continuation.problem import Goal, Recent, Step, TestFunction
 
-if TYPE_CHECKING:
-    from bvp.kernels.step import CompiledProblem
-
-__all__ = ["MOST_ITERATIONS", "CoreSteps", "KernelSteps", "Limits", "Place", "Sought", "empty_block"]
+__all__ = ["MOST", "MOST_ITERATIONS", "PASSED_OVER", "REFUSED", "Block", "CoreSteps", "Limits", "Place", "Sought", "empty_block"]
 
 MOST_ITERATIONS = 12
 """Most iterations of a correction."""
 
 Limits = tuple[float, float, float, float]
-"""Logarithms of the lowest and highest energy and of the longest quarter period, and the noise of the tangent."""
+"""Logarithms of the lowest and highest energy and of the longest quarter period, and the noise of the tangent; of a family in a parameter
+its lowest and highest value."""
 
 Place = tuple[float, Step]
 """A step from an orbit, and its length before it."""
+
+
+class Block(NamedTuple):
+    """What is found of each step; row after row, the last one for a step that is tried and not plain. u unknowns, k inner nodes."""
+
+    y: np.ndarray  # (steps + 1, u)
+    tangent: np.ndarray  # (steps + 1, 2 u), or 3 u with smooth forces
+    position: np.ndarray  # (steps + 1, coordinates of arclength)
+    ends: np.ndarray  # (steps + 1, k + 1, N)
+    result: np.ndarray  # (steps + 1, len(RESULT_INDEX))
+    tests: np.ndarray  # (steps + 1, tests)
+    lengths: np.ndarray  # (steps + 1, 2) requested length, arclength
+
+
+MOST = 40
+"""Steps that close in on a zero in one call."""
+
+LANDED, REFUSED, TURNED, PASSED_OVER = range(4)
+"""Where a step leads: to an orbit; to none; to one whose tangent is rotated too far; to one of another family."""
 
 
 class Sought(NamedTuple):
@@ -74,11 +84,11 @@ def _goal(goal: Goal, places: int) -> list[np.ndarray]:
 
 
 class CoreSteps:
-    """Steps of the core, for conservative problems.
+    """Steps of the core.
 
     Parameters
     ----------
-    problem : MultipointProblem
+    problem : MultipointProblem or ForcedProblem
     tests : sequence of TestFunction
         Those that are watched.
     limits : Limits
@@ -86,6 +96,8 @@ class CoreSteps:
         Traces at which periods multiply.
     computed : int
         How many test functions are computed; those that are watched come first.
+    neutral : bool
+        Under loads: whether pairs of multipliers can have the product 1 by rounding alone.
 
     Attributes
     ----------
@@ -93,12 +105,13 @@ class CoreSteps:
     """
 
     def __init__(
-        self, problem: MultipointProblem, tests: Sequence[TestFunction], limits: Limits, targets: Sequence[float], computed: int
+        self, problem: Any, tests: Sequence[TestFunction], limits: Limits, targets: Sequence[float], computed: int, neutral: bool = False
     ):
         self.problem, self.computed = problem, computed
         singular = [test.singular for test in tests]
-        orbits = problem.orbits.core
-        self.core = saltus_core.OrbitFamily(orbits, kinds_of(tests), singular, *limits, list(targets), computed, MOST_ITERATIONS)
+        self.core = saltus_core.OrbitFamily(
+            problem.core, kinds_of(tests), singular, *limits, list(targets), computed, MOST_ITERATIONS, neutral
+        )
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, block: Block) -> bool:
         """Take a step into the first row of a block. Returns whether it leads to an orbit."""
@@ -133,55 +146,3 @@ class CoreSteps:
         samples = places, values, sought.at
         found: tuple[int, int] = self.core.narrow(*_numbers(before.y, before.tangent), *ends, *sought[:4], *samples, *block)
         return found
-
-
-class KernelSteps:
-    """The same by kernels, for problems with loads or in parameters.
-
-    Parameters
-    ----------
-    problem : ForcedProblem
-    watched : WatchedTests
-    compiled : CompiledProblem
-        What takes steps.
-    advance, narrow : kernel
-        For an advance, and for steps between two (`branches.kernels.blocks`, `.brackets`).
-    """
-
-    def __init__(self, problem: Any, watched: WatchedTests, compiled: CompiledProblem, advance: Any, narrow: Any):
-        self.problem, self._watched, self._compiled = problem, watched, compiled
-        self._advance, self._narrow = advance, narrow
-
-    def advance(self, recent: Recent, ds: float, goal: Goal, control: Control, block: Block) -> tuple[int, bool, float]:
-        """See `CoreSteps.advance`."""
-        step = recent.step
-        y, tangent, position = _numbers(step.y, step.tangent, step.position)
-        tests, older, oldest = (np.array(values, dtype=float) for values in (recent.tests, recent.older, recent.oldest))
-        beginning = Beginning(y, tangent, position, tests, older, oldest, float(recent.length), float(recent.length_before))
-        towards = GoalPlane(*_goal(goal, self.problem.coordinates))
-        found: tuple[int, bool, float] = self._advance(
-            self._compiled, MOST_ITERATIONS, control, self._watched, beginning, towards, float(ds), self._scratch, block
-        )
-        return found
-
-    def narrow(self, before: Step, low: Place, high: Place, sought: Sought, block: Block) -> tuple[int, int]:
-        """See `CoreSteps.narrow`."""
-        y, tangent = _numbers(before.y, before.tangent)
-        departure = Departure(self._compiled, MOST_ITERATIONS, self._watched, y, tangent, self._scratch)
-        samples = make_bracket(sought.known, self.problem.unknowns) if sought.known else self._no_samples
-        wanted = SoughtByKernel(*sought[:4], len(sought.known), sought.at)
-        found: tuple[int, int] = self._narrow(departure, _known(*low), _known(*high), wanted, samples, block)
-        return found
-
-    @cached_property
-    def _no_samples(self) -> BracketWork:
-        return make_bracket([], self.problem.unknowns)
-
-    @cached_property
-    def _scratch(self) -> np.ndarray:
-        return np.empty((5, self.problem.coordinates))
-
-
-def _known(length: float, step: Step) -> Known:
-    y, tangent = _numbers(step.y, step.tangent)
-    return Known(length, y, tangent, float(step.turn))

@@ -1,4 +1,4 @@
-"""Forces given as Python functions: read as a formula where they are one, else called by the core (`bvp/core/collocation.hpp`) and kernels.
+"""Forces given as Python functions: read as a formula where they are one, else called by the core (`bvp/core/collocation.hpp`).
 
 A function is tried with a symbol first. What takes one, such as ``lambda w: w**3 + np.sin(w)``, becomes the text of a formula. All others,
 such as tables and splines, are functions that sympy does not know, with a derivative and an energy that are functions too.
@@ -6,9 +6,7 @@ such as tables and splines, are functions that sympy does not know, with a deriv
 
 from __future__ import annotations
 
-import ctypes
 import math
-import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import count
@@ -18,13 +16,10 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from bvp.checks import InvalidSystem
-from bvp.kernels import hook
-from bvp.kernels.expressions import Program
-from bvp.kernels.jets import CALLED, Called, JetProgram
-from bvp.kernels.stages import STAGES
-from bvp.programs import derivative, program_of
+from bvp.kernels.jets import CALLED, JetProgram
+from bvp.programs import derivative
 
-__all__ = ["CalledForce", "CalledForces", "FailedForce", "called_forces", "called_program", "formula_of", "tried"]
+__all__ = ["CalledForce", "CalledForces", "FailedForce", "called_forces", "formula_of", "tried"]
 
 _PROBES = np.array([-1.0, -0.3, -0.01, 0.01, 0.3, 1.0])
 _AGREES = 1e-5
@@ -36,8 +31,6 @@ _LONGEST = 300
 _POINTS, _WEIGHTS = 0.5 * np.array([[1.0], [0.0]]) + 0.5 * np.array(np.polynomial.legendre.leggauss(20))
 """Gauss points of the interval from 0 to 1, (20,), and their weights."""
 
-_CALLBACK = ctypes.CFUNCTYPE(None, ctypes.c_int64)
-_callbacks: dict[int, Any] = {}
 _numbers = count(1)
 
 
@@ -258,7 +251,7 @@ class CalledForces(NamedTuple):
 
     program: the registers are the inputs, forces, derivatives by inputs, derivatives by parameters. write: fills the rows below the inputs
     in the first columns of an array (R, K), as many as its second argument. energies: of the inputs, the potential and, with parameters,
-    its derivatives.
+    its derivatives. Both take other values of the parameters as their last argument.
     """
 
     program: JetProgram  # without an address
@@ -282,21 +275,21 @@ def called_forces(
     stored = [compiled(known, each) for each in (energies if parameters else energies[:1])]
     numbers, first = np.array(values, dtype=float), size + len(forces)
 
-    def write(array: np.ndarray, columns: int) -> None:
-        at = [*array[:size, :columns], *numbers]
+    def write(array: np.ndarray, columns: int, given: np.ndarray = numbers) -> None:
+        at = [*array[:size, :columns], *given]
         with np.errstate(all="ignore"), _named(array[:size, 0]):
             for k, function in enumerate(results):
                 array[size + k, :columns] = function(*at)
 
-    def energy(at: np.ndarray) -> list[float]:
+    def energy(at: np.ndarray, given: np.ndarray = numbers) -> list[float]:
         with np.errstate(all="ignore"), _named(at):
-            return [float(function(*at, *numbers)) for function in stored]
+            return [float(function(*at, *given)) for function in stored]
 
     program = JetProgram(
         np.array([[CALLED, size, 0, 0]], dtype=np.int64), numbers, np.arange(size, first, dtype=np.int64),
         np.array([[f, i, first + k] for k, (f, i, _) in enumerate(slopes)], dtype=np.int64).reshape(-1, 3),
         np.array([[f, j, first + len(slopes) + k] for k, (f, j, _) in enumerate(changes)], dtype=np.int64).reshape(-1, 3),
-        size + len(results), Called(0, np.zeros((0, STAGES)), np.zeros(max(1, len(stored)))),
+        size + len(results),
     )  # fmt: skip
     return CalledForces(program, write, energy)
 
@@ -309,30 +302,3 @@ def _named(at: np.ndarray) -> Iterator[None]:
     except Exception as error:
         where = ", ".join(f"{x:.6g}" for x in at.tolist())
         raise FailedForce(f"a force given as a Python function fails at {where}: {type(error).__name__}: {error}") from error
-
-
-def called_program(found: CalledForces, parameters: Sequence[Any]) -> tuple[JetProgram, Program]:
-    """The same as `bvp.jet_programs.jet_program`, for kernels: a function at an address. It gives the energy of the forces too."""
-    program, write, energies = found
-    size = int(program.code[0, 1])
-    exchange, energy = np.zeros((program.registers, STAGES)), program.called.energy.copy()
-
-    def call(columns: int) -> None:
-        try:
-            if hook.failures:  # the kernel that returns raises the first one
-                raise FailedForce
-            if columns:
-                write(exchange, columns)
-            else:
-                energy[:] = energies(exchange[:size, 0]) or 0.0
-        except BaseException as error:
-            exchange[size:, : max(1, columns)] = energy[:] = math.nan
-            if not hook.failures:
-                hook.failures.append(error)
-
-    callback = _CALLBACK(call)
-    address = int(ctypes.cast(callback, ctypes.c_void_p).value or 0)
-    shown = exchange[:]
-    _callbacks[id(shown)] = callback
-    weakref.finalize(shown, _callbacks.pop, id(shown), None)
-    return program._replace(called=Called(address, shown, energy)), program_of(list(parameters), parameters)

@@ -11,7 +11,6 @@ import numpy as np
 
 from bvp.checks import finite_numbers
 from bvp.dense import length, orthonormal, product, quadratic, singular
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP
 from bvp.smooth_flights import sample_path
 from bvp.texts import shown
 
@@ -21,9 +20,12 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "Cycle", "EndsError", "contact_of", "cycle_of", "deflated_motions", "end_maps", "free_motions", "free_translation", "held_motions",
-    "parse_end",
+    "ORIGIN", "PERIODIC", "REST", "STOP", "Cycle", "EndsError", "contact_of", "cycle_of", "deflated_motions",
+    "end_maps", "free_motions", "free_translation", "held_motions", "parse_end",
 ]  # fmt: skip
+
+ORIGIN, REST, STOP, PERIODIC = range(4)
+"""Kinds of an end, as the core has them."""
 
 KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP, "periodic": PERIODIC}
 

@@ -25,7 +25,7 @@ from bvp.kernels.normal_form import StateEquations, cubic_coefficient, set_equat
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
 
-__all__ = ["NORMAL_FORMS", "CriticalOrbit", "Criticality", "NormalForms", "criticality"]
+__all__ = ["NORMAL_FORMS", "Criticality", "NormalForms", "criticality"]
 
 NORMAL_FORMS = ("SN", "PD", "SB", "NS")
 """Bifurcations with a coefficient."""
@@ -118,24 +118,11 @@ def _angle(problem: ForcedProblem, y: np.ndarray) -> float:
     return cmath.phase(min(found, key=lambda value: abs(math.log(abs(value)))))
 
 
-class CriticalOrbit(NamedTuple):
-    """What is known of an orbit y (u,) with a critical multiplier lambda.
-
-    jacobian (.., u): of the equations of the problem, all but the last ones of the user at least. scale (u,): sizes of the unknowns.
-    right (u,), left (..): null vectors of the Jacobian at lambda, right in the unknowns' own units, left by its transpose.
-    bend (.., u): F''(y)[right, .].
-    """
-
-    y: np.ndarray
-    jacobian: np.ndarray
-    scale: np.ndarray
-    right: np.ndarray
-    left: np.ndarray
-    bend: np.ndarray
-
-
 class NormalForms:
     """The normal forms of orbits of a problem.
+
+    The equations are those of an orbit that is open: the clock at its end is one more unknown, behind all others, with an equation of its
+    own (`bvp.curvature.Curvature`). So E is constant. Null vectors are those of all these equations and unknowns.
 
     Parameters
     ----------
@@ -144,18 +131,18 @@ class NormalForms:
 
     def __init__(self, problem: ForcedProblem):
         self.problem = problem
-        n, inner, width = problem.degrees_of_freedom, problem.inner, problem.size + 1
-        state = np.arange(2 * n + 1)
-        places = np.array([*state, problem.size])
-        columns = np.concatenate([i * width + places for i in range(inner + 1)])
-        last = inner * width
-        rows = np.concatenate([*(i * width + places for i in range(inner)), last + np.arange(2 * n + 2)])
-        size = len(rows)
+        n, nodes, clock = problem.degrees_of_freedom, (problem.inner + 1) * (problem.size + 1), int(problem.has_clock)
+        columns, rows = np.arange(nodes + clock), np.arange(nodes + clock)
+        columns[nodes:], rows[nodes:] = problem.unknowns, problem.unknowns - 1
+        size, state = nodes + clock, np.arange(2 * n)
         feedback = np.zeros((size, size))
-        closing = size - (2 * n + 2) + state[: 2 * n + int(problem.has_clock)]
-        feedback[closing, state[: len(closing)]] = [*[problem.segment.closing[0]] * (2 * n), 1.0][: len(closing)]
+        feedback[nodes - 2 * n - 1 + state, 1 + state] = problem.closing[0]
+        if clock:
+            feedback[nodes, 0] = 1.0
+        # Without a clock the first unknown is a duration, which has no part in the start.
+        metric = np.array([problem.units[2 * n] if clock else math.inf, *problem.units[: 2 * n]])
         self.equations = StateEquations(
-            rows, columns, feedback, problem.segment.scale[: 2 * n + 1].copy(), np.zeros((size, size)), np.zeros((size, size)),
+            rows, columns, feedback, metric, np.zeros((size, size)), np.zeros((size, size)),
             np.zeros(size), np.zeros(size), np.zeros((size, size), complex), np.zeros((9, size), complex), np.zeros(size, np.int64),
         )  # fmt: skip
 
@@ -164,21 +151,34 @@ class NormalForms:
         """Relative error of null vectors, and of the derivatives along them."""
         return _CONDITION * EPSILON if self.problem.curvature.is_exact else _DIFFERENCES
 
-    def cubic(self, orbit: CriticalOrbit, code: str, multiplier: complex) -> tuple[float, float]:
-        """The coefficient of PD, SB or NS, and its error."""
-        value, error = self._cubic(orbit, code, multiplier)
-        scale = np.where(orbit.scale > 0.0, orbit.scale, 1.0)
-        right, left = shaken(orbit.right / scale, self.rounding) * scale, shaken(orbit.left, self.rounding)
-        bend = self.problem.curvature.second_along(orbit.y, right)[: len(orbit.bend)]
-        other, _ = self._cubic(orbit._replace(right=right, left=left, bend=bend), code, multiplier)
-        return value, error + abs(other - value)
+    def set(self, y: np.ndarray) -> None:
+        """Write the equations of an orbit."""
+        curvature = self.problem.curvature
+        set_equations(self.equations, curvature.open_jacobian(y), curvature.opened(self.problem.scales(y), 1.0))
 
-    def _cubic(self, orbit: CriticalOrbit, code: str, multiplier: complex) -> tuple[float, float]:
-        """The coefficient, and its error by rounding of the terms."""
-        curvature, right = self.problem.curvature, orbit.right
-        set_equations(self.equations, orbit.jacobian, orbit.scale)
-        cubic = curvature.third_of_states(orbit.y, right, right, right.conj() if code == "NS" else right)
-        arrays = [np.asarray(array, dtype=complex) for array in (right, orbit.left, orbit.bend, cubic)]
+    def cubic(self, y: np.ndarray, right: np.ndarray, left: np.ndarray, code: str, multiplier: complex) -> tuple[float, float]:
+        """The coefficient of PD, SB or NS of an orbit, and its error. right, left: null vectors at the multiplier, in the unknowns' own
+        units and by the transpose."""
+        self.set(y)
+        value, error = self._cubic(y, right, left, code, multiplier)
+        scale = self.problem.curvature.opened(self.problem.scales(y), 1.0)
+        scale = np.where(scale > 0.0, scale, 1.0)
+        moved = self._cubic(y, shaken(right / scale, self.rounding) * scale, shaken(left, self.rounding), code, multiplier)
+        return value, error + abs(moved[0] - value)
+
+    def cubic_of_pencil(self, y: np.ndarray, right: np.ndarray, left: np.ndarray, code: str, multiplier: complex) -> tuple[float, float]:
+        """The same from null vectors of the equations of a closed orbit, in which what closes it is multiplied by the multiplier."""
+        if self.problem.has_clock:
+            slope = self.problem.curvature.open_jacobian(y)[:-1, -1]
+            right, left = np.append(right, multiplier * right[0]), np.append(left[: len(slope)], -(slope[: len(left)] @ left[: len(slope)]))
+        return self.cubic(y, right, left, code, multiplier)
+
+    def _cubic(self, y: np.ndarray, right: np.ndarray, left: np.ndarray, code: str, multiplier: complex) -> tuple[float, float]:
+        """The coefficient, and its error by rounding of the terms, for the equations that are set."""
+        curvature = self.problem.curvature
+        bend = curvature.open_second(y, right)
+        cubic = curvature.open_third(y, right, right, right.conj() if code == "NS" else right)
+        arrays = [np.asarray(array, dtype=complex) for array in (right, left, bend, cubic)]
         value, size = cubic_coefficient(self.equations, *arrays, multiplier.real, multiplier.imag, code == "NS")
         return value, size * (EPSILON if curvature.is_exact else _DIFFERENCES)
 
@@ -188,9 +188,8 @@ class _OrbitEquations:
 
     def __init__(self, problem: ForcedProblem, y: np.ndarray):
         self.forms, self.problem, self.y = NormalForms(problem), problem, y
-        self.jacobian, self.whole_scale = problem.jacobian(y), problem.scales(y)
         self.equations = self.forms.equations
-        set_equations(self.equations, self.jacobian, self.whole_scale)
+        self.forms.set(y)
 
     def transfer(self, multiplier: complex) -> np.ndarray:
         """T(lambda)."""
@@ -228,15 +227,15 @@ class _OrbitEquations:
         """The coefficient at a multiplier, and its error."""
         p, q = self.null(multiplier)
         equations, curvature = self.equations, self.problem.curvature
-        right, left = np.zeros(self.problem.unknowns, q.dtype), np.zeros(len(self.jacobian), p.dtype)
+        right = np.zeros(self.problem.unknowns + self.problem.has_clock, q.dtype)
+        left = np.zeros(self.problem.unknowns - 1 + self.problem.has_clock, p.dtype)
         right[equations.columns], left[equations.rows] = equations.scale * q, equations.level * p.conj()
-        bend = curvature.second_along(self.y, right)
-        if code == "SN":
-            squared = equations.level * (bend @ right)[equations.rows]
-            level = EPSILON if curvature.is_exact else _DIFFERENCES
-            value = 0.5 * float(np.vdot(p, squared))
-            right[equations.columns] = equations.scale * shaken(q, self.forms.rounding)
-            moved = equations.level * (curvature.second_along(self.y, right) @ right)[equations.rows]
-            other = 0.5 * float(np.vdot(shaken(p, self.forms.rounding), moved))
-            return value, level * float(np.abs(p) @ np.abs(squared)) + abs(other - value)
-        return self.forms.cubic(CriticalOrbit(self.y, self.jacobian, self.whole_scale, right, left, bend), code, multiplier)
+        if code != "SN":
+            return self.forms.cubic(self.y, right, left, code, multiplier)
+        squared = equations.level * (curvature.open_second(self.y, right) @ right)[equations.rows]
+        level = EPSILON if curvature.is_exact else _DIFFERENCES
+        value = 0.5 * float(np.vdot(p, squared))
+        right[equations.columns] = equations.scale * shaken(q, self.forms.rounding)
+        moved = equations.level * (curvature.open_second(self.y, right) @ right)[equations.rows]
+        other = 0.5 * float(np.vdot(shaken(p, self.forms.rounding), moved))
+        return value, level * float(np.abs(p) @ np.abs(squared)) + abs(other - value)

@@ -1,57 +1,61 @@
 """The multipoint problem of an orbit under periodic loads, in any released parameters.
 
-`ForcedProblem` binds a system with parameters, a closure and an impact sequence to the compiled kernels of `bvp.kernels.forced`: residual
-and Jacobian, and the step along the family.
+`ForcedProblem` binds a system with parameters, a closure and an impact sequence to the compiled core: residual and Jacobian, and the step
+along the family.
 """
 
 from __future__ import annotations
 
-import ctypes
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.blocks import Matrices
 from bvp.checks import require_system
-from bvp.closures import EndsError
+from bvp.closures import PERIODIC, EndsError
 from bvp.contact_sequence import CLOSES, OPENS, ContactEvent, parse_contact_sequence, require_bounces, require_half, require_pressing
-from bvp.forced_metric import forced_metric, forced_position
-from bvp.forced_modes import ModeTable
-from bvp.kernels.extrema import Observed
-from bvp.kernels.forced import LoadedSegment, ReleasedEntries, fly_loaded, forced_step, set_parameters
-from bvp.kernels.forced_sticking import Unstuck, contact_force
-from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
-from bvp.kernels.loads import Loads
-from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, Factor, make_factor
-from bvp.kernels.newton import LINEARISED, set_scale
-from bvp.kernels.step import CompiledProblem, Landing, Request
-from bvp.kernels.undamped import Renewal, make_renewal, renew_free_flight
+from bvp.forced_metric import forced_metric
+from bvp.forced_modes import ForcedMode, ModeTable
+from bvp.forced_orbits import core_problem, force_rows
 from bvp.multipliers import sort_multipliers
 from bvp.multipoint import GROWTH, MOST_PIECES, NotConverged, Solution, enough_pieces
+from bvp.orbits import RESULT_INDEX
 from bvp.parameters import ParametricSystem
-from bvp.programs import scratch_size
-from bvp.smooth_flights import why_not_flown
-from bvp.stroboscopic import OrbitMultipliers
+from bvp.smooth_flights import why_not_complete
 from bvp.system import ImpactSystem
 
 if TYPE_CHECKING:
     from bvp.curvature import Curvature
     from bvp.smooth_forces import SmoothForces
 
-__all__ = ["ForcedProblem", "dense_jacobian"]
-
-GRAZING = 1e-11
-"""Impact speed, over the largest velocity, below which an impact grazes: a located grazing has one of rounding, about 1e-12."""
+__all__ = ["Flights", "ForcedProblem"]
 
 _OTHER = 1e-3
 """Relative change of a parameter at which the symmetry of the system is looked at."""
 
-_CALLBACK = ctypes.CFUNCTYPE(None, ctypes.c_int64)
-"""A function that kernels can call."""
+
+class Flights(NamedTuple):
+    """The flights of an orbit, or what is shown of them.
+
+    begins (k + 1, 2 n + 1): states (u, v) and fractions of the period where they begin, behind a chatter. times (k + 1,): how long they
+    last. ends (k + 1, 2 n): states before the events."""
+
+    begins: np.ndarray
+    times: np.ndarray
+    ends: np.ndarray
+
+
+class Place(NamedTuple):
+    """A place of a flight: a number of entries there - the state (u, v), the fraction of the period, and the contact force of a stop that
+    sticks, equation (43) - and their derivatives by the time since the begin, by state and fraction there, and by the released parameters.
+    """
+
+    values: np.ndarray  # (2 n + 2,)
+    rates: np.ndarray  # (2 n + 2,)
+    slopes: np.ndarray  # (2 n + 2, 2 n + 1 + m)
 
 
 class ForcedProblem:
@@ -86,7 +90,9 @@ class ForcedProblem:
 
     Notes
     -----
-    The unknowns are y = (z_0, t_0, z_1, t_1, ..., z_k, t_k) of nodes z = (u, v, s, parameters): s is the time as a fraction of the period.
+    The unknowns are y = (s_0, z_0, ..., s_k, z_k [, xi], parameters), equation (39), with states z = (u, v) after each event, and their
+    times s as fractions of the period; without harmonic loads the flight times take the place of s. A node that begins a chatter is that
+    before its first impact. See `states`, `instants`, `flight_times` and `flights`.
     """
 
     def __init__(
@@ -114,93 +120,74 @@ class ForcedProblem:
         self.is_smooth = system.smooth_forces is not None
         self.sequence = tuple(sequence)
         self.released = tuple(released)
-        self._located = self.released[:1]
+        self.located = self.released[:1]
         self.load_periods, self.half = load_periods, half
         layout = parametric.layout
         self.has_clock = bool(layout.harmonics)
         self._require_determined()
         self.degrees_of_freedom = n = system.degrees_of_freedom
-        found = parametric.program(self.released)
-        varies = len(found.rows) > 0 and int(found.rows[0]) < layout.stiffness.stop
+        rows = parametric.program(self.released).rows
+        self.varies = len(rows) > 0 and int(rows[0]) < layout.stiffness.stop
         count = len(self.released)
-        self.size = size = 2 * n + 1 + count
-        self.coordinates = size + 1
+        self.size = size = 2 * n
+        self.coordinates = size + 2 + count
         self.modes = modes = system.modes
         self.events = events = self._events()
         self.sequence = tuple(event.symbol for event in events) or self.sequence
         first = layout.restitution.start
-        changing = [row - first for row in found.rows.tolist() if row in range(layout.size)[layout.restitution]]
+        changing = [row - first for row in rows.tolist() if row in range(layout.size)[layout.restitution]]
         require_bounces(system, events, self.has_clock, changing)
         self.contacts = np.array(self._contacts([event.contact for event in events]))
         self.inner = len(self.contacts) - 2
-        closed, quarters, *kinds = self._closure()
-        self.unknowns = (self.inner + 1) * (size + 1) + int(closed == UNFOLDED)
+        self.unfolds, self.quarters, *kinds = self._closure()
+        self.kinds: tuple[int, int] = (kinds[0], kinds[1])
+        self.end_rows = self._end_rows()
+        self.closing = (-1.0 if half else 1.0, (0.5 if half else 1.0) * self.has_clock)
+        self.unknowns = (self.inner + 1) * (size + 1) + int(self.unfolds) + count
+        self.place = self.unknowns - count
         nodes = self.inner + 2
-        gap, rate, push = (np.zeros((nodes, size)) for _ in range(3))
-        changes = count if varies else 0
-        side, entries = np.zeros(nodes), np.full((nodes, 2), -1, dtype=np.int64)
+        self.gap, self.rate, self.side = np.zeros((nodes, size)), np.zeros((nodes, size)), np.zeros(nodes)
+        self.entries_of_nodes = np.full((nodes, 2), -1, dtype=np.int64)
         releases = [event.is_release for event in (*events[1:], *events[:1], *events[:1])] if events else [False] * nodes
         for i, contact in enumerate(self.contacts.tolist()):
             if contact >= 0 and not releases[i]:
                 stop = int(modes.contact_stop[contact])
-                gap[i, :n] = rate[i, n : 2 * n] = system.stops[stop].gap
-                side[i] = modes.contacts.side[contact]
-                bounds = layout.upper if side[i] > 0.0 else layout.lower
-                entries[i] = bounds.start + stop, layout.restitution.start + stop
+                self.gap[i, :n] = self.rate[i, n:] = system.stops[stop].gap
+                self.side[i] = modes.contacts.side[contact]
+                bounds = layout.upper if self.side[i] > 0.0 else layout.lower
+                self.entries_of_nodes[i] = bounds.start + stop, layout.restitution.start + stop
         self.impacts = np.flatnonzero([not event.is_release for event in events])  # nodes
         constant = range(layout.size)[layout.constant]
-        loaded = np.any(parametric.entries(self.values)[layout.constant]) or any(row in constant for row in found.rows.tolist())
-        harmonics = np.array([*([0.0] if loaded else []), *layout.harmonics], dtype=float)
-        loads = Loads(harmonics, np.zeros((1 + count, len(harmonics), 2, 2 * n)), np.zeros(1 + count), float(load_periods))
-        metric = forced_metric(self)
-        forces = None
+        self.has_constant_loads = bool(
+            np.any(parametric.entries(self.values)[layout.constant]) or any(row in constant for row in rows.tolist())
+        )
+        self.units = units = forced_metric(self)
         if self.is_smooth:
-            from bvp.released_forces import released_forces
-
             self.smooth_forces = parametric.smooth_forces(self.values, self.released)
-            forces = released_forces(self.smooth_forces)
         bouncing = [*changing, *(stop for stop, one in enumerate(system.stops) if one.restitution > 0.0)]
-        rows = np.array([stop.gap for stop in system.stops]).reshape(-1, n)
+        gaps = np.array([stop.gap for stop in system.stops]).reshape(-1, n)
         # Contact forces are in units of length: accelerations of their gaps over the square of the fastest frequency.
-        units = (metric[0] / metric[n]) ** 2 * np.einsum("si,is->s", rows, np.linalg.solve(system.mass, rows.T))
-        self._table = table = ModeTable(system, events, nodes, size, changes, loads, units, forces, bouncing)
-        self._renew = _CALLBACK(self._renewed) if varies or self._leaves_unseen else None
-        address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
-        # The user's equations can name what a free orbit has besides its parameters.
-        known = np.array([*(self.values[name] for name in parametric.names), *(0.0 for _ in self.conserved)])
-        at = known[: len(parametric.names)]
-        places = np.array([part.start for part in (layout.restitution, layout.constant, layout.cosine, layout.sine)], dtype=np.int64)
+        lengths = (units[0] / units[n]) ** 2 * np.einsum("si,is->s", gaps, np.linalg.solve(system.mass, gaps.T))
+        self.contact_modes = ModeTable(system, events, nodes, lengths, self.is_smooth, bouncing)
         needed = count if self.conserved else count - 1
         if len(keep) != needed:
             raise ValueError(f"{count} released parameters need {needed} equations to keep; received {len(keep)}")
         self.keep = tuple(keep)
-        kept = parametric.equations(self.keep, self.released, self.conserved)
-        scratch = np.zeros(max(found.scratch, scratch_size(kept, len(known))))
-        of_parameters = ReleasedEntries(
-            found.program, at, found.columns, found.rows, scratch, np.zeros(len(found.program.outputs)),
-            parametric.entries(self.values), np.zeros((count, layout.size)), places, layout.frequency.start, int(address or 0),
-        )  # fmt: skip
-        shape = np.array([self.inner, closed, quarters, *kinds], dtype=np.int64)
-        self.segment = LoadedSegment(
-            table.flight, table.arrays.drive[0], table.arrays.drive_slope[0], gap, rate, push, np.zeros((changes, nodes, size)),
-            np.zeros(nodes), np.zeros(nodes), side, np.eye(size), np.zeros(size), self._end_rows(), entries,
-            np.array([-1.0 if half else 1.0, (0.5 if half else 1.0) * self.has_clock]), metric,
-            of_parameters, kept, known, np.zeros(len(kept.outputs)), np.zeros(size), shape, table.kind,
-        )  # fmt: skip
-        stops = np.array([modes.contact_stop[contact] if contact >= 0 else -1 for contact in self.contacts], dtype=np.int64)
-        bounds = np.array([np.arange(part.start, part.stop) for part in (layout.lower, layout.upper)], dtype=np.int64)
-        sizes = table.arrays.pairs.shape[1], 2 * n, len(harmonics), len(system.stops)
-        gaps = table.stops
-        plain, joined = make_extended(*sizes, False), make_extended(*sizes, True)
-        if self.is_smooth:  # its rows are on (u, v)
-            plain = plain._replace(observed=Observed(np.zeros((len(gaps), 4, 2 * n)), np.zeros((2, len(gaps)))))
-        self._watched = Watched(gaps, stops, bounds, plain, joined)
-        table.write(system, table.made, gap, push)
-        self._modes_at: tuple[float, ...] = ()
-        self._factor = make_factor(self.segment)
-        self._zero = np.zeros(2 * self.unknowns)
+        parametric.equations(self.keep, self.released, self.conserved, 0)  # what cannot be read is refused
         self.tangent_size = (3 if self.is_smooth else 2) * self.unknowns
-        self._nothing = np.zeros(1)
+
+    @cached_property
+    def core(self) -> Any:
+        """The problem in the core."""
+        return core_problem(self)
+
+    @cached_property
+    def push(self) -> np.ndarray:
+        """What an impact at each node adds to a state, for each unit of speed (k + 2, 2 n), with the masses at `values`."""
+        return self.contact_modes.pushes(self.system, self.contact_modes.made, self.gap)
+
+    located: tuple[str, ...]
+    """The released parameters whose domains' ends are located: steps can go beyond them."""
 
     periodic = True
     """Whether a closed orbit is solved from an impact on, and not a segment between two reversals."""
@@ -258,16 +245,14 @@ class ForcedProblem:
                 require_pressing(self.parametric.system(at), self.events)
         except EndsError as error:
             return str(error).partition(";")[0]
-        return self._why_no_flight(y) if found is None and self.is_smooth else found
+        return (self.why_not_flown(y) or None) if found is None and self.is_smooth else found
 
-    def _why_no_flight(self, y: np.ndarray) -> str | None:
-        """Where and why a flight of y with smooth forces cannot be computed."""
-        self.residual(y)
-        failed = np.flatnonzero(~np.isfinite(self._factor.before).all(axis=1))
-        if not len(failed):
-            return None
-        i = int(failed[0])
-        return f"flight {i + 1} of an orbit: {why_not_flown(self.segment.flight, np.append(self.nodes(y)[i], self.flight_times(y)[i]))}"
+    def why_not_flown(self, y: np.ndarray) -> str:
+        """Where and why a flight of y with smooth forces cannot be computed; empty where all can."""
+        flight, path = self.core.failure(_numbers(y))
+        assert self.smooth_forces is not None or path is None
+        called = self.smooth_forces is not None and self.smooth_forces.is_called
+        return "" if path is None else f"flight {flight + 1} of an orbit: {why_not_complete(path, called)}"
 
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         """The contact at each node after the first one, then that at the first; -1: none."""
@@ -276,9 +261,9 @@ class ForcedProblem:
         # The last impact of the segment is the first of the orbit, or its mirror image.
         return [*hit[1:], int(self.modes.contact_opposite[hit[0]]) if self.half else hit[0], hit[0]]
 
-    def _closure(self) -> tuple[int, int, int, int]:
-        """How the segment closes, for the kernels: CLOSED or UNFOLDED, quarter periods solved, kinds of its ends."""
-        return CLOSED, 4, PERIODIC, PERIODIC
+    def _closure(self) -> tuple[bool, int, int, int]:
+        """How the segment closes: whether with a kick, quarter periods solved, kinds of its ends."""
+        return False, 4, PERIODIC, PERIODIC
 
     def _end_rows(self) -> np.ndarray:
         """The rows of the end conditions."""
@@ -290,77 +275,34 @@ class ForcedProblem:
         options["pieces"] = 1 if sequence else self.pieces
         return ForcedProblem(self.parametric, sequence, self.released, **{**options, **changes})
 
-    def _renewed(self, _: int) -> None:
-        """Compute all that depends on masses, dampers and springs anew, at the parameters that the kernels have just evaluated. NaN where
-        the system cannot have them: a step does not converge there."""
-        released, n = self.segment.released, self.degrees_of_freedom
-        at = tuple(released.values.tolist())
-        if at == self._modes_at:
-            return
-        segment, layout = self.segment, self.parametric.layout
-        if self._is_undamped:
-            renewed = renew_free_flight(segment, self._renewal)
-            self._modes_at = at if renewed else ()
-            if not renewed:
-                self._table.arrays.delta[0] = math.nan
-            return
-        try:
-            system, made = self._table.modes_at(at, self._system_at)
-            if not self.is_smooth:  # no stop sticks there
-                require_pressing(system, self.events)
-            self._table.write(system, made, segment.gap, segment.push)
-        except (ValueError, RuntimeError, np.linalg.LinAlgError):
-            self._table.arrays.matrix[0] = math.nan
-            self._modes_at = ()
-            return
-        self._modes_at = at
-        if not self._table.arrays.change.shape[1]:
-            return
-        for j, slopes in enumerate(released.slopes):
-            parts = [slopes[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness)]
-            self._table.write_slopes(system, j, parts, segment.gap, segment.push_slope[j])
-
-    @cached_property
-    def _is_undamped(self) -> bool:
+    @property
+    def is_undamped(self) -> bool:
         """Whether the system has linear springs and no dampers, and no stop sticks."""
-        layout, damping = self.parametric.layout, self.segment.released.entries[self.parametric.layout.damping]
-        varies = np.isin(self.segment.released.rows, range(layout.size)[layout.damping]).any()
-        return not (self.is_smooth or varies or damping.any() or self._leaves_unseen) and isinstance(self._table.kind, Unstuck)
+        layout, rows = self.parametric.layout, self.parametric.program(self.released).rows
+        varies = np.isin(rows, range(layout.size)[layout.damping]).any()
+        return not (self.is_smooth or varies or self.system.damping.any()) and len(self.contact_modes.made) == 1
 
-    @cached_property
-    def _renewal(self) -> Renewal:
-        """Work of `renew_free_flight`."""
-        layout = self.parametric.layout
-        renewal: Renewal = make_renewal(self.degrees_of_freedom, layout.mass.start, layout.stiffness.start)
-        return renewal
+    def modes_at(self, at: tuple[float, ...], entries: np.ndarray) -> tuple[list[ForcedMode], np.ndarray]:
+        """The contact modes at values of all parameters, whose entries are known, and the masses."""
+        system, made = self.contact_modes.modes_at(at, lambda values: self._system_at(entries))
+        require_pressing(system, self.events)
+        return made, system.mass
 
-    def _system_at(self, at: tuple[float, ...]) -> Matrices:
-        """The system at values of all parameters, whose entries the kernels have evaluated; beside smooth forces only its matrices."""
-        if not self.released:
-            return self.system
-        values = dict(zip(self.parametric.names, at, strict=True))
-        domains = [(values[name], *self.parametric.domain(name)) for name in self._located] if self._leaves_unseen else []
-        if domains and all(low <= value <= high for value, low, high in domains):
-            return self.parametric.system(values)
-        # A step beyond the domain of such a parameter locates its end, if its limits are known: matrices can go on there.
+    def _system_at(self, entries: np.ndarray) -> ImpactSystem:
+        """The linear system with the masses, dampers and springs of some entries."""
         layout, n = self.parametric.layout, self.degrees_of_freedom
-        entries = self.segment.released.entries
         mass, damping, stiffness = (entries[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness))
-        return Matrices(mass, damping, stiffness) if self.is_smooth else ImpactSystem(mass, damping, stiffness, self.system.stops)
-
-    @cached_property
-    def _leaves_unseen(self) -> bool:
-        return self.parametric.leaves_unseen(self.released, self._located)
+        return ImpactSystem(mass, damping, stiffness, self.system.stops)
 
     def locate_domains(self, names: Sequence[str]) -> None:
         """Let steps go beyond the domains of these released parameters, by default of the first one: test functions locate their ends."""
-        self._located = tuple(names)
-        for name in ("_leaves_unseen", "_is_undamped"):
-            self.__dict__.pop(name, None)
+        self.located = tuple(names)
+        self.__dict__.pop("core", None)
 
     def position(self, y: np.ndarray) -> np.ndarray:
-        """The first node in the coordinates of arclength, (N + 1,)."""
-        return forced_position(self.segment.scale, 2 * self.degrees_of_freedom, y)
+        """The first node in the coordinates of arclength, (2 n + 2 + m,)."""
+        found: np.ndarray = self.core.course(_numbers(y), np.zeros(self.unknowns))[0]
+        return found
 
     def mirrored(self, symbol: str) -> str:
         """A symbol of the sequence at the opposite contact of its stop."""
@@ -371,35 +313,74 @@ class ForcedProblem:
     # -- unknowns -------------------------------------------------------------------------------------------------------------
 
     def pack(self, states: ArrayLike, fractions: ArrayLike, parameters: ArrayLike, flight_times: ArrayLike | None = None) -> np.ndarray:
-        """Unknowns y (u,) from the states (u, v) after each impact (k + 1, 2 n), the times of these impacts as fractions of the period,
-        ascending, (k + 1,), and the released parameters (m,). Without a clock the flight times (k + 1,) take the place of the fractions,
-        which are zeros."""
+        """Unknowns y (u,) from the states (u, v) where flights begin (k + 1, 2 n), their times as fractions of the period, ascending,
+        (k + 1,), and the released parameters (m,). Without a clock the flight times (k + 1,) take the place of the fractions. With them a
+        chatter begins where the flight before it ends."""
         y = np.zeros(self.unknowns)
-        nodes, times = self.nodes(y), np.asarray(fractions, float)
-        nodes[:, : 2 * self.degrees_of_freedom] = states
-        nodes[:, 2 * self.degrees_of_freedom] = times
-        nodes[:, 2 * self.degrees_of_freedom + 1 :] = parameters
-        if flight_times is None:
-            flight_times = np.diff([*times, times[0] + self.segment.closing[1]]) * self.period(y)
-        self.flight_times(y)[:] = flight_times
+        nodes, y[self.place :] = self.rows(y), parameters
+        nodes[:, 1:] = states
+        nodes[:, 0] = fractions if self.has_clock or flight_times is None else flight_times
+        chatters = np.flatnonzero(self._begins_behind_chatter()).tolist() if self.contact_modes.sums_chatter else []
+        if chatters:
+            begins, period, (sign, part) = nodes.copy(), self.period(y), self.closing
+            ends = np.append(begins[1:, 0], begins[0, 0] + part)
+            times = (ends - begins[:, 0]) * period if flight_times is None else np.asarray(flight_times, dtype=float)
+            for i in chatters:
+                before = [*begins[i - 1, 1:], begins[i - 1, 0]]
+                found = self.core.fly(y[self.place :], (i - 1) % len(nodes), _numbers(before), float(times[i - 1]))[0]
+                nodes[i, 1:], nodes[i, 0] = found[: self.size] * (sign if i == 0 else 1.0), found[self.size] - (part if i == 0 else 0.0)
         return y
 
+    def rows(self, y: np.ndarray) -> np.ndarray:
+        """Each node with its time first, (k + 1, 2 n + 1), a view of y."""
+        return y[: (self.inner + 1) * (self.size + 1)].reshape(self.inner + 1, self.size + 1)
+
+    def _begins_behind_chatter(self) -> np.ndarray:
+        """Whether each flight begins behind a chatter, (k + 1,)."""
+        return np.roll(self.contact_modes.summed[: self.inner + 1], 1) == 1
+
+    def states(self, y: np.ndarray) -> np.ndarray:
+        """The states (u, v) after each event, (k + 1, 2 n), a view of y."""
+        return self.rows(y)[:, 1:]
+
+    def instants(self, y: np.ndarray) -> np.ndarray:
+        """Their times as fractions of the period, (k + 1,), a view of y; without a clock zeros."""
+        return self.rows(y)[:, 0] if self.has_clock else np.zeros(self.inner + 1)
+
+    def released_values(self, y: np.ndarray) -> np.ndarray:
+        """The released parameters (m,), a view of y."""
+        return y[self.place :]
+
     def nodes(self, y: np.ndarray) -> np.ndarray:
-        """Nodes (k + 1, N), a view of y."""
-        return self._rows(y)[:, : self.size]
+        """Where flights begin, behind a chatter: rows (u, v, s, parameters), (k + 1, 2 n + 1 + m)."""
+        begins = np.column_stack([self.states(y), self.instants(y), np.tile(self.released_values(y), (self.inner + 1, 1))])
+        if self.contact_modes.sums_chatter:
+            # A chatter that begins without speed, where it vanishes, is not summed.
+            found = self.core.flights(_numbers(y))[0]
+            summed = self._begins_behind_chatter() & np.isfinite(found).all(axis=1)
+            begins[summed, : self.size + 1] = found[summed]
+        return begins
 
     def flight_times(self, y: np.ndarray) -> np.ndarray:
-        """Flight times (k + 1,), a view of y."""
-        return self._rows(y)[:, self.size]
+        """Flight times (k + 1,), without the chatter before them; without a clock a view of y."""
+        times = self.rows(y)[:, 0]
+        if not self.has_clock:
+            return times
+        begins = self.nodes(y)[:, self.size] if self.contact_modes.sums_chatter else times
+        return (np.append(times[1:], times[0] + self.closing[1]) - begins) * self.period(y)
 
-    def _rows(self, y: np.ndarray) -> np.ndarray:
-        """Each node with its flight time, (k + 1, N + 1), a view of y."""
-        return y[: (self.inner + 1) * (self.size + 1)].reshape(self.inner + 1, self.size + 1)
+    def flights(self, y: np.ndarray) -> Flights:
+        """All flights of y."""
+        return Flights(*self.core.flights(_numbers(y)))
+
+    def end_states(self, y: np.ndarray) -> np.ndarray:
+        """State at the end of each flight, before the event there, (k + 1, 2 n)."""
+        return self.flights(y).ends
 
     def cut(self, y: np.ndarray, count: int, part: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A part of an orbit without impacts, from its start, in flights of equal time: states (count, 2 n), fractions and flight times
         (count,), for `pack`."""
-        nodes, lasting, size = self.nodes(y), self.flight_times(y), 2 * self.degrees_of_freedom
+        nodes, lasting, size = self.nodes(y), self.flight_times(y), self.size
         time = part * float(np.sum(lasting)) / count
         states, fractions = np.empty((count, size)), np.empty(count)
         for k in range(count):
@@ -415,7 +396,7 @@ class ForcedProblem:
             return self, np.array(y, float)
         other = self.sibling(self.sequence, pieces=pieces)
         states, fractions, times = self.cut(y, pieces)
-        return other, other.pack(states, fractions, self.nodes(y)[0, 2 * self.degrees_of_freedom + 1 :], times)
+        return other, other.pack(states, fractions, self.released_values(y), times)
 
     most_pieces = 8 * MOST_PIECES
     """Most pieces of a flight, which is a period of loads, or half of it."""
@@ -430,33 +411,68 @@ class ForcedProblem:
         return not self.sequence
 
     def fly(self, node: np.ndarray, time: float, flight: int = 0) -> tuple[np.ndarray, float]:
-        """The state (u, v) and the fraction of the period to which a node (N,) flies as in a flight of the orbit."""
-        size = 2 * self.degrees_of_freedom
-        set_parameters(self.segment, np.array(node, float))
-        out = self.flown(node, time, flight)[0]
-        return out[:size].copy(), float(out[size])
+        """The state (u, v) and the fraction of the period to which a node (a row of `nodes`) flies as in a flight of the orbit."""
+        size = self.size
+        found = self.core.fly(_numbers(node[size + 1 :]), flight, _numbers(node[: size + 1]), float(time))[0]
+        return found[:size], float(found[size])
 
-    def flown(self, node: np.ndarray, time: float, flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The node at a time of a flight (N,), its derivatives by the first one (N, N) and its rate (N,), at the parameters that the
-        kernels have evaluated last."""
-        out, jacobian, rate = np.empty(self.size), np.empty((self.size, self.size)), np.empty(self.size)
-        fly_loaded(self._table.flight_in(flight), np.array(node), float(time), out, jacobian, rate)
-        return out, jacobian, rate
+    def flown(self, node: np.ndarray, time: float, flight: int, stop: int | None = None) -> Place:
+        """The same place with its derivatives. stop: whose contact force is wanted, that sticks in the flight."""
+        size, row = self.size, -1
+        if stop is not None:
+            row = int(force_rows(self)[self.contact_modes.mode[flight], stop])
+        found = self.core.fly(_numbers(node[size + 1 :]), flight, _numbers(node[: size + 1]), float(time), row, True)
+        return Place(found[0], found[1][:, 0], found[1][:, 1:])
+
+    def gradient(self, y: np.ndarray, flight: int, by_node: np.ndarray, by_time: float = 0.0) -> np.ndarray:
+        """The derivatives (u,) by the unknowns of a number whose derivatives are known by the begin of a flight (2 n + 1 + m,), as of
+        `Place.slopes`, and by its duration."""
+        size, found, rows = self.size, np.zeros(self.unknowns), self.inner + 1
+        at = flight * (size + 1)
+        by_node = np.array(by_node, dtype=float)
+        if self.has_clock and by_time:
+            # The duration is the difference of the times of the next node, and of the begin.
+            period = self.period(y)
+            begin = self.nodes(y)[flight, size]
+            end = self.instants(y)[flight + 1] if flight + 1 < rows else self.instants(y)[0] + self.closing[1]
+            slopes = self.parametric.derivatives(self.parameters(y), self.released)[self.parametric.layout.frequency][0]
+            frequency = self.parametric.entries(self.parameters(y))[self.parametric.layout.frequency][0]
+            by_node[size] -= by_time * period
+            by_node[size + 1 :] -= by_time * (end - begin) * period / frequency * slopes
+            found[(flight + 1) % rows * (size + 1)] += by_time * period
+        if self._begins_behind_chatter()[flight]:
+            by_begin = by_node[: size + 1] @ self.core.begin_slopes(_numbers(y), flight)
+            by_node = np.concatenate([by_begin[: size + 1], by_begin[size + 1 :] + by_node[size + 1 :]])
+        found[at + 1 : at + 1 + size] += by_node[:size]
+        found[at] += by_node[size] if self.has_clock else by_time
+        found[self.place :] += by_node[size + 1 :]
+        return found
+
+    def landed(self, y: np.ndarray, flight: int, state: np.ndarray) -> np.ndarray:
+        """A state (u, v) after the impact that ends a flight, at the parameters of y."""
+        values = self.parameters(y)
+        entries = self.parametric.entries(values)
+        made, mass = self.modes_at(tuple(values[name] for name in self.parametric.names), entries)
+        row, kept = self.gap[flight, : self.degrees_of_freedom], made[self.contact_modes.kept[flight]]
+        along = kept.inverse @ row if len(kept.rows) else np.linalg.solve(mass, row)
+        rebound = 1.0 + entries[self.entries_of_nodes[flight, 1]] if self.entries_of_nodes[flight, 1] >= 0 else 1.0
+        found = np.array(state, dtype=float)
+        found[self.degrees_of_freedom :] -= along / (row @ along) * rebound * (row @ found[self.degrees_of_freedom :])
+        return found
 
     def contact_force(self, node: np.ndarray, flight: int, contact: int) -> float:
-        """The force of a contact that sticks in a flight of the orbit, at a node (N,), equation (43): positive where it presses."""
-        set_parameters(self.segment, np.array(node, float))
-        sticking = self._table.arrays
-        mode, stop = int(sticking.mode[flight]), int(self.modes.contact_stop[contact])
-        return contact_force(sticking, self.segment.flight.loads, mode, stop, np.array(node, float), np.empty(self.size))
+        """The force of a contact that sticks in a flight of the orbit, at a node (a row of `nodes`), equation (43): positive where it
+        presses."""
+        size, stop = self.size, int(self.modes.contact_stop[contact])
+        row = int(force_rows(self)[self.contact_modes.mode[flight], stop])
+        return float(self.core.fly(_numbers(node[size + 1 :]), flight, _numbers(node[: size + 1]), 0.0, row)[0][size + 1])
 
     def parameters(self, y: np.ndarray) -> dict[str, float]:
         """All parameters at y."""
-        moved = y[2 * self.degrees_of_freedom + 1 : self.size].tolist()
-        return self.values | dict(zip(self.released, moved, strict=True))
+        return self.values | dict(zip(self.released, self.released_values(y).tolist(), strict=True))
 
     def restitution(self, y: np.ndarray, contact: int) -> float:
-        """The restitution of a contact at y; 0 below rounding, as in the kernels."""
+        """The restitution of a contact at y; 0 below rounding, as in the core."""
         entries = self.parametric.entries(self.parameters(y))[self.parametric.layout.restitution]
         return (1.0 + float(entries[self.modes.contact_stop[contact]])) - 1.0
 
@@ -473,11 +489,11 @@ class ForcedProblem:
 
     def reach(self, solution: Solution) -> float:
         """A typical displacement: the unit of arclength."""
-        return float(self.segment.scale[0])
+        return float(self.units[0])
 
     def speed(self, solution: Solution) -> float:
         """A typical speed of an orbit."""
-        return float(self.scales(solution.y)[self.degrees_of_freedom])
+        return float(self.scales(solution.y)[1 + self.degrees_of_freedom])
 
     def duration(self, solution: Solution) -> float:
         """A typical duration of its flights: the period."""
@@ -487,28 +503,24 @@ class ForcedProblem:
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """F(y), (u - 1,)."""
-        # The kernel of steps contains these functions: another one for them alone would take as long to compile.
-        self._factor.scale[:] = 1.0
-        self._stepped(y, self._zero, Request(0.0, math.nan, LINEARISED))
-        return self._factor.work[6, : self.unknowns - 1].copy()
+        found: np.ndarray = self.core.residual(_numbers(y))
+        return found
 
     def jacobian(self, y: np.ndarray) -> np.ndarray:
         """F'(y), dense (u - 1, u): for switching and for tests; Newton's steps use the block structure."""
-        self.residual(y)
-        return dense_jacobian(self._factor, self.size + 1)
+        found: np.ndarray = self.core.jacobian(_numbers(y))
+        return found
 
-    def scales(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
-        """Typical size of each unknown at the orbit y, (u,). evaluated: y is the orbit that was evaluated last."""
-        if not evaluated:
-            self.residual(y)
-        set_scale(self.segment, np.array(y, float), self._factor)
-        return self._factor.scale.copy()
+    def scales(self, y: np.ndarray) -> np.ndarray:
+        """Typical size of each unknown at the orbit y, (u,)."""
+        found: np.ndarray = self.core.scales(_numbers(y))
+        return found
 
     @property
     def curvature_blocks(self) -> list[np.ndarray]:
-        """Indices of the unknowns of each flight, (k + 1) arrays: the node where it starts, and its time. No second derivative of the
-        equations is by unknowns of two flights."""
-        return np.split(np.arange((self.inner + 1) * (self.size + 1)), self.inner + 1)
+        """Indices of the states, (k + 1) arrays. No second derivative of the equations is by states of two nodes."""
+        width = self.size + 1
+        return [np.arange(i * width + 1, (i + 1) * width) for i in range(self.inner + 1)]
 
     def second_derivative(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """F''(y)[a, b], (u - 1,): see `bvp.curvature.Curvature.second_along`."""
@@ -522,33 +534,29 @@ class ForcedProblem:
 
         return Curvature(self)
 
-    @property
-    def contact_modes(self) -> ModeTable:
-        """The contact modes of the flights."""
-        return self._table
-
     # -- solution and step ----------------------------------------------------------------------------------------------------
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, *, maximum: int = 12) -> Solution | None:
         """Step by ds along the family from y with its tangent (see `Solution`; the end may be missing); None where Newton fails.
 
         With ds = 0, y itself is corrected (least norm) and its tangent turned like the one given (all zero: as it comes)."""
-        return self._take(y, tangent, Request(ds, math.nan, maximum))
+        out = self._empty()
+        found = self.core.step(
+            _numbers(y), _numbers(tangent), float(ds), maximum, True, out.y, out.tangent, out.position, out.ends, out.result
+        )
+        return out if found else None
+
+    def _empty(self) -> Solution:
+        """Arrays for a solution."""
+        sizes = self.unknowns, self.tangent_size, self.coordinates, (self.inner + 1, self.size), len(RESULT_INDEX)
+        return Solution(*[np.empty(size) for size in sizes])
 
     def scaled_residual(self, y: np.ndarray) -> float:
         """The largest residual at y, each in its own unit: of a solution below 1e-12."""
-        landing, _ = self._stepped(y, np.zeros(2 * self.unknowns), Request(0.0, math.nan, 0))
-        return float(landing.result[RESULT.index("residual")])
-
-    def compiled(self, *, full: bool = True) -> CompiledProblem:
-        """The problem for a compiled function that takes steps of its own."""
-        metric, result = np.empty((4, self.coordinates)), np.empty(len(RESULT))
-        landing = Landing(self._zero[: self.unknowns], self._zero, result)
-        request, factor = Request(0.0, 0.0, 0), self._factor
-        step = forced_step.entry(self.segment, factor, landing.y, self._zero, request, metric, landing).address
-        observe = forced_observe.entry(self.segment, self._watched, landing.y, factor.before, self._nothing, result).address
-        addresses = np.array([step, observe if full else 0])
-        return CompiledProblem(addresses, self.segment, factor, self._watched, self._nothing)
+        out = self._empty()
+        zero = np.zeros(2 * self.unknowns)
+        self.core.step(_numbers(y), zero, 0.0, 0, False, out.y, out.tangent, out.position, out.ends, out.result)
+        return out["residual"]
 
     def solve(self, y: np.ndarray) -> Solution:
         """Newton's solution near y at the parameter's value there.
@@ -558,77 +566,60 @@ class ForcedProblem:
         NotConverged
             When the corrections do not shrink to rounding level.
         """
-        row = self._factor.work[5, : self.unknowns]
-        row[:] = 0.0
-        row[2 * self.degrees_of_freedom + 1] = 1.0
-        found = self._take(y, self._zero, Request(0.0, float(y[2 * self.degrees_of_freedom + 1]), 30))
-        if found is None:
+        out, row = self._empty(), np.zeros(self.unknowns)
+        row[self.place] = 1.0
+        target = float(y[self.place])
+        found = self.core.correct(_numbers(y), row, target, 30, out.y, out.tangent, out.position, out.ends, out.result)
+        if not found:
             raise NotConverged("Newton's corrections did not settle")
-        return found
+        self.core.observe(out.y, out.ends, out.result)
+        return out
 
-    def _take(self, y: np.ndarray, tangent: np.ndarray, request: Any) -> Solution | None:
-        landing, position = self._stepped(y, tangent, request)
-        if landing.result[0] != 1.0:
-            return None
-        ends = self._factor.before.copy()
-        self._observe(landing.y, ends, landing.result)
-        return Solution(landing.y, landing.tangent, position, ends, landing.result)
+    def observed(self, y: np.ndarray, flights: Flights | None = None) -> np.ndarray:
+        """What is seen of an orbit as it stands, named by `bvp.orbits.RESULT_INDEX`: its clearance, its slowest impact, and its shortest
+        flight. flights: those that are looked at, where these are not all of the orbit's."""
+        result = np.full(len(RESULT_INDEX), math.nan)
+        shown = self.flights(y) if flights is None else flights
+        self.core.observe_flights(_numbers(y), *map(_numbers, shown), result)
+        return result
 
-    def _stepped(self, y: np.ndarray, tangent: np.ndarray, request: Request) -> tuple[Landing, np.ndarray]:
-        """What the kernel of steps leaves for a request, and the position of the new point."""
-        landing = Landing(np.empty(self.unknowns), np.empty(self.tangent_size), np.full(len(RESULT), np.nan))
-        metric = np.empty((4, self.coordinates))
-        forced_step(self.segment, self._factor, np.array(y, float), np.array(tangent, float), request, metric, landing)
-        return landing, metric[0]
-
-    def _observe(self, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
-        """Fill the entries of a result that belong to the paths of the flights."""
-        forced_observe(self.segment, self._watched, y, ends, self._nothing, result)
+    def as_it_is(self, y: np.ndarray) -> Solution:
+        """An orbit as it stands, with what its paths and impacts show: near a singular point Newton's method would move it."""
+        flights = self.flights(y)
+        result = self.observed(y, flights)
+        result[RESULT_INDEX["quarter_period"]] = self.period(y)
+        return Solution(np.array(y), np.zeros(2 * y.size), self.position(y), flights.ends, result)
 
     def impact_speeds(self, y: np.ndarray) -> np.ndarray:
         """Speed of approach at each node of an orbit y, in the order of the sequence, (k + 1,), 0 at releases; without impacts (0,)."""
-        self.residual(y)
-        return np.roll(self._approach(), 1) if self.sequence else np.zeros(0)
+        return np.roll(self.approach(self.end_states(y)), 1) if self.sequence else np.zeros(0)
+
+    def approach(self, ends: np.ndarray) -> np.ndarray:
+        """Speed of approach of the impact that ends each flight (k + 1,), from the states there."""
+        n, nodes = self.degrees_of_freedom, self.inner + 1
+        speeds: np.ndarray = self.side[:nodes] * np.sum(self.gap[:nodes, :n] * ends[:, n:], axis=1)
+        return speeds
 
     def losses(self, y: np.ndarray) -> np.ndarray:
         """Kinetic energy lost at the impact that ends each flight of an orbit y, (k + 1,)."""
-        self.residual(y)
-        size, n = 2 * self.degrees_of_freedom, self.degrees_of_freedom
-        before = self._factor.before[:, n:size]
-        after = np.roll(self.nodes(y)[:, n:size], -1, axis=0)
-        after[-1] *= self.segment.closing[0]
-        mass = self.segment.released.entries[self.parametric.layout.mass].reshape(n, n)
+        n, (begins, _, ends) = self.degrees_of_freedom, self.flights(y)
+        before, after = ends[:, n:], np.roll(begins[:, n : 2 * n], -1, axis=0)
+        after[-1] *= self.closing[0]
+        mass = self.parametric.entries(self.parameters(y))[self.parametric.layout.mass].reshape(n, n)
         lost: np.ndarray = 0.5 * np.einsum("ij,jk,ik->i", before - after, mass, before + after)
         return lost
 
-    def _approach(self) -> np.ndarray:
-        """Speed of approach of the impact that ends each flight of the orbit that was evaluated last, (k + 1,)."""
-        segment, n, nodes = self.segment, self.degrees_of_freedom, self.inner + 1
-        speeds: np.ndarray = segment.side[:nodes] * np.sum(segment.gap[:nodes, :n] * self._factor.before[:, n : 2 * n], axis=1)
-        return speeds
-
     def growth(self, y: np.ndarray) -> float:
         """See `MultipointProblem.growth`."""
-        self.residual(y)
-        displacement, velocity, _ = set_scale(self.segment, np.array(y, float), self._factor)
-        sizes = np.repeat([displacement, velocity], self.degrees_of_freedom)
-        return float(np.max(np.abs(self._factor.flights[:, : len(sizes), : len(sizes)]) * sizes / sizes[:, None]))
+        found: float = self.core.growth(_numbers(y))
+        return found
 
-    @cached_property
-    def _orbit_multipliers(self) -> OrbitMultipliers:
-        impacts = (self.impacts - 1) % (self.inner + 1) if self.sequence else self.impacts[:0]
-        return OrbitMultipliers(self.system, self.events, self.segment, impacts)
-
-    def multipliers(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
+    def multipliers(self, y: np.ndarray) -> np.ndarray:
         """The 2 n multipliers of the stroboscopic map of an orbit y, by modulus descending; of half a period those of x -> -x over it.
-
-        They are those of the saddle-point matrix, in which each impact keeps the equation of its time. An impact takes the velocities f-
-        and the directions along the stop to f+ and their reflections. Nothing is divided by its speed. NaN where an impact grazes.
-        evaluated: y is the orbit that was evaluated last."""
-        if not evaluated:
-            self.residual(y)
-        found = self._orbit_multipliers.values(np.array(y, float), self._factor, GRAZING)
-        return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan)) if found is None else sort_multipliers(found)
+        NaN where an impact grazes."""
+        real, imaginary = self.core.multipliers(_numbers(y))
+        found: np.ndarray = real + 1j * imaginary
+        return found if np.isnan(found).any() else sort_multipliers(found)
 
     def period_multipliers(self, y: np.ndarray) -> np.ndarray:
         """Those of the map over the full period of the orbit."""
@@ -640,13 +631,6 @@ class ForcedProblem:
             return multipliers**2 if self.half else multipliers
 
 
-def dense_jacobian(factor: Factor, rows: int) -> np.ndarray:
-    """The Jacobian that `fill` wrote into the factor arrays, (u - 1, u). rows: equations of a flight."""
-    inner, unknowns = len(factor.window) // rows, factor.closing.shape[1]
-    out = np.zeros((unknowns - 1, unknowns))
-    for i in range(inner):
-        base = max(0, (i - 1) * rows)
-        width = min(factor.window.shape[1], unknowns - base)
-        out[i * rows : (i + 1) * rows, base : base + width] = factor.window[i * rows : (i + 1) * rows, :width]
-    out[inner * rows :] = factor.closing
-    return out
+def _numbers(array: Any) -> np.ndarray:
+    """An array as compiled code takes it."""
+    return np.ascontiguousarray(array, dtype=float)

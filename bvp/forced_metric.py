@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
 
-__all__ = ["forced_metric", "forced_position", "position_slopes"]
+__all__ = ["forced_metric", "position_slopes"]
 
 
 _LIGHT = 0.1
@@ -90,26 +90,18 @@ def _parameter_unit(problem: ForcedProblem, name: str, size: float, fastest: flo
     return 1.0 / change if change > 0.0 else abs(problem.values[name]) or 1.0
 
 
-def forced_position(units: np.ndarray, states: int, y: np.ndarray) -> np.ndarray:
-    """The coordinates (N + 1,) of the unknowns y, whose first N are a node with a state of so many entries."""
-    x, rest, p = y[:states] / units[:states], units[states + 1 :], y[states + 1 : len(units)]
-    reach = math.sqrt(1.0 + float(x @ x))
-    logarithm, divisor = np.log(np.where(rest > 0.0, 1.0, np.abs(p))), np.where(rest > 0.0, rest, 1.0)
-    time = y[states] if units[states] > 0.0 else math.log(abs(float(np.sum(y[len(units) :: len(units) + 1]))))
-    return np.array([*(x / reach), time, *np.where(rest > 0.0, np.arcsinh(p / divisor), logarithm), math.log(reach)])
-
-
-def position_slopes(units: np.ndarray, states: int, y: np.ndarray) -> np.ndarray:
-    """The derivatives (N + 1, u) of `forced_position` by the unknowns y (u,)."""
-    count, x = len(units), y[:states] / units[:states]
+def position_slopes(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
+    """The derivatives (2 n + 2 + m, u) of `ForcedProblem.position` by the unknowns y (u,)."""
+    size, units, count = problem.size, problem.units, len(problem.units)
+    x, times = problem.states(y)[0] / units[:size], np.arange(problem.inner + 1) * (size + 1)
     reach = math.sqrt(1.0 + float(x @ x))
     found = np.zeros((count + 1, len(y)))
-    found[:states, :states] = (np.eye(states) - np.outer(x, x) / reach**2) / (reach * units[:states])
-    if units[states] > 0.0:
-        found[states, states] = 1.0
+    found[:size, 1 : size + 1] = (np.eye(size) - np.outer(x, x) / reach**2) / (reach * units[:size])
+    if problem.has_clock:
+        found[size, 0] = 1.0
     else:
-        found[states, count :: count + 1] = 1.0 / np.sum(y[count :: count + 1])
-    rest = np.arange(states + 1, count)
-    found[rest, rest] = 1.0 / np.hypot(units[rest], y[rest])
-    found[count, :states] = x / (reach**2 * units[:states])
+        found[size, times] = 1.0 / np.sum(y[times])
+    rest = np.arange(count - size - 1)
+    found[size + 1 + rest, problem.place + rest] = 1.0 / np.hypot(units[size + 1 :], problem.released_values(y))
+    found[count, 1 : size + 1] = x / (reach**2 * units[:size])
     return found

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from bvp.closures import ORIGIN
 from bvp.forced import ForcedProblem
 from bvp.kernels.flight import fastest_rate
-from bvp.kernels.multipoint import ORIGIN
 from bvp.kernels.sources import ORDER
 from bvp.multipoint import MultipointProblem
 from bvp.released import ReleasedProblem

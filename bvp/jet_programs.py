@@ -15,7 +15,7 @@ import numpy as np
 from bvp.expressions import FUNCTIONS, ExpressionError, not_too_deep
 from bvp.kernels import jets as kernels
 from bvp.kernels.expressions import Program
-from bvp.kernels.jets import Called, JetProgram
+from bvp.kernels.jets import JetProgram
 from bvp.programs import derivative, evaluate_program, program_of
 
 __all__ = ["even_power", "jet_program", "plain_jet_program", "plain_powers", "signed_power"]
@@ -23,7 +23,6 @@ __all__ = ["even_power", "jet_program", "plain_jet_program", "plain_powers", "si
 TINY = 1e-300
 """Added to a power, or to a modulus, before its logarithm is taken: a power that is left out as too small is 0."""
 
-NOT_CALLED = Called(0, np.zeros((0, 0)), np.zeros(0))
 """What a program has that calls no Python function."""
 
 
@@ -97,7 +96,6 @@ def jet_program(
         np.array(kept[: len(slopes)], dtype=np.int64).reshape(-1, 3),
         np.array(kept[len(slopes) :], dtype=np.int64).reshape(-1, 3),
         writer.registers,
-        NOT_CALLED,
     )
     return program, numbers
 

@@ -20,8 +20,8 @@ import mpmath as mp
 import numpy as np
 from mpmath.libmp import from_man_exp, mpf_cos_sin, mpf_cosh_sinh, to_fixed
 
+from bvp.closures import ORIGIN, PERIODIC, REST, STOP
 from bvp.dense import orthonormal, product, solve
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP
 from bvp.multipoint import MultipointProblem
 from bvp.stability import DECISION, balance, verdict
 from bvp.system import ImpactSystem

@@ -13,10 +13,11 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import saltus_core as core
 
 from bvp.blocks import REFINEMENTS, Blocks, Matrices, blocks_of, exact, exact_product
 from bvp.checks import EPSILON, read_only
-from bvp.dense import cholesky, jacobi, product, quadratic, solve
+from bvp.dense import product, quadratic, solve
 from bvp.functions import log
 
 if TYPE_CHECKING:
@@ -27,8 +28,8 @@ __all__ = [
     "undamped_modes",
 ]  # fmt: skip
 
-_SUBNORMAL = float(np.finfo(float).tiny) / EPSILON
-"""A square below this has no digits left in products with it; a motion in a period of 1e145 is uniform."""
+UNPACED = 1 << 20
+"""In place of the power of two in the arclength of a system without a frequency: the unit of time is the quarter period."""
 
 KNOWN = 64
 """Pairs of matrices whose modes are kept: the system of an orbit is made several times, for its steps, its stability and its files."""
@@ -65,8 +66,6 @@ class Modes(Blocks):
     @property
     def pace(self) -> int:
         """The power of two near the lowest frequency above 0: the unit of time of the arclength of families in the energy."""
-        from bvp.kernels.step import UNPACED
-
         rates = [w for w in self.frequencies.tolist() if w > 0.0]
         return math.floor(math.log2(min(rates)) + 0.6) if rates else UNPACED  # no frequency is likely where the next power begins
 
@@ -206,45 +205,11 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
 @lru_cache(KNOWN)
 def _known_modes(n: int, mass_entries: bytes, stiffness_entries: bytes) -> tuple[np.ndarray, np.ndarray]:
     """The modes of two matrices (n, n)."""
-    forms = np.frombuffer(mass_entries + stiffness_entries).reshape(2, n, n)
-    (mass, stiffness), sizes = forms, np.abs(forms)
-    root, one = np.sqrt(mass.diagonal()), np.eye(n)
-    scale = 1.0 / root
-    lower = cholesky(scale[:, None] * mass * scale)
-    half = solve(lower, scale[:, None] * stiffness * scale)
-    reduced = solve(lower, half.T)
-    shapes = scale[:, None] * solve(lower.T, jacobi(0.5 * (reduced + reduced.T))[1])
-    for _ in range(2):
-        gram, energy = (product(shapes.T, form, shapes) for form in forms)
-        defect = one - gram
-        squares = energy.diagonal() / gram.diagonal()
-        coupling = energy + squares * defect
-        size, strength = np.abs(shapes), np.abs(coupling)
-        of_mass, of_stiffness = (product(size.T, form, size) for form in sizes)
-        noise = of_stiffness + np.abs(squares) * of_mass
-        gap = squares[None, :] - squares[:, None]
-        real = (strength > 4.0 * n * EPSILON * noise) & (strength < 1e-3 * np.abs(gap))
-        # Where a coupling is rounding noise, only orthogonality is restored.
-        correction = 0.5 * defect
-        if real.any():
-            correction = np.where(real, coupling / np.where(real, gap, 1.0), correction)
-        shapes = shapes + product(shapes, correction)
-    shapes = shapes / np.sqrt(quadratic(mass, shapes))
-    squares = quadratic(stiffness, shapes)
-    rounding = 4.0 * n * EPSILON * quadratic(sizes[1], np.abs(shapes))
-    squares[np.abs(squares) <= np.maximum(rounding, _SUBNORMAL)] = 0.0
-    # In a free translation (square 0), an entry at rounding level in kinetic energy and in displacement is set to 0. A translation can
-    # cover any distance, so rounding would move bodies that do not take part in it.
-    if not squares.all():
-        size = np.abs(shapes)
-        weight = size * root[:, None]
-        leak = (weight <= 8.0 * n * EPSILON * weight.max(axis=0)) & (size <= np.sqrt(EPSILON) * size.max(axis=0))
-        shapes = np.where((squares == 0.0) & leak, 0.0, shapes)
-    order = squares.argsort(kind="stable")
-    squares, shapes = squares[order], shapes[:, order]
-    weight = np.abs(shapes) * root[:, None]
-    leading = (weight >= (1.0 - 1e-6) * weight.max(axis=0)).argmax(axis=0)
-    shapes[:, shapes[leading, range(n)] < 0.0] *= -1.0
+    mass, stiffness = np.frombuffer(mass_entries + stiffness_entries).reshape(2, n, n)
+    try:
+        squares, shapes = core.undamped_modes(mass, stiffness)
+    except ValueError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
     return squares, shapes
 
 

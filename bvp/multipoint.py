@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
+from bvp.closures import ORIGIN, PERIODIC, EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
 from bvp.dense import product
 from bvp.kernels.extrema import Observed
-from bvp.kernels.multipoint import ORIGIN, PERIODIC
 from bvp.orbits import DIVERGED, GROWN, RESULT_INDEX, ROUNDS, SOLVED, UNSETTLED, Orbits, Solution
 from bvp.smooth_flights import modal_energies
 from bvp.system import ImpactSystem
@@ -125,6 +124,11 @@ class MultipointProblem:
     def orbits(self) -> Orbits:
         """What computes its orbits."""
         return Orbits(self)
+
+    @property
+    def core(self) -> Any:
+        """The problem in the core."""
+        return self.orbits.core
 
     hit = cached_property(lambda self: frozenset(self.modes.contact_stop[self.contacts[self.contacts >= 0]].tolist()))
     held = cached_property(lambda self: held_motions(self.system, self.hit))

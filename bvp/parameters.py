@@ -370,14 +370,14 @@ class ParametricSystem:
         variables = [*(self._symbols[name] for name in names), *more.values()]
         return program_of(derivatives_of(found, variables, order), [*self._symbols.values(), *more.values()])
 
-    def leaves_unseen(self, names: Sequence[str], located: Sequence[str]) -> bool:
-        """Whether released parameters can move a restitution or the base frequency out of its domain within the `domain` of those whose
-        ends are located: through an expression, or through another one of them."""
+    def unseen_entries(self, names: Sequence[str], located: Sequence[str]) -> list[int]:
+        """The restitutions, and the base frequency, that released parameters can move out of their domain within the `domain` of those
+        whose ends are located: through an expression, or through another one of them."""
         places = [*range(self.layout.restitution.start, self.layout.restitution.stop), self.layout.frequency.start]
-        moved = [self._variable[row] for row in places if row in self._variable]
         symbols = [self._symbols[name] for name in names]
         seen = {self._symbols[name] for name in located}
-        return any(entry not in seen and entry.free_symbols & set(symbols) for entry in moved)
+        moved = {row: self._variable[row] for row in places if row in self._variable}
+        return [row for row, entry in moved.items() if entry not in seen and entry.free_symbols & set(symbols)]
 
     @property
     def layout(self) -> EntryLayout:

@@ -1,34 +1,33 @@
 """The multipoint problem of a free orbit in released parameters: the closures of conservative systems, whose parameters can change.
 
-`ReleasedProblem` solves with the kernels of `bvp.forced`, whose nodes are physical states that carry the parameters. At each orbit it gives
-the `MultipointProblem` of the system there, from which follow multipliers, labels and the test functions of events.
+The states of `ReleasedProblem` are physical ones. At each orbit it gives the `MultipointProblem` of the system there, from which follow
+multipliers, labels and the test functions of events.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from bvp.checks import InvalidSystem
-from bvp.closures import Cycle, EndsError, cycle_of, parse_end
+from bvp.closures import ORIGIN, REST, Cycle, EndsError, cycle_of, parse_end
 from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
-from bvp.forced import GRAZING, ForcedProblem
-from bvp.kernels.flight import Contacts
-from bvp.kernels.free_period import GRAZES, FreePeriod, make_free_period, unfold_free
-from bvp.kernels.loads import LoadedFlight
-from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
-from bvp.multipliers import FACTORED, floquet_multipliers, make_chain, sort_multipliers
-from bvp.multipoint import MOST_PIECES, MultipointProblem
+from bvp.forced import ForcedProblem
+from bvp.multipliers import floquet_multipliers, sort_multipliers
+from bvp.multipoint import MOST_PIECES, MultipointProblem, Solution
+from bvp.orbits import RESULT_INDEX
 from bvp.parameters import ParametricSystem
 from bvp.smooth_cycles import nearest_maximum, nearest_rise, states_at
 from bvp.stability import half_map_multipliers
 
 __all__ = ["ReleasedProblem"]
+
+GRAZING = 1e-11
+"""Impact speed, over the largest velocity, below which an impact grazes."""
 
 SLACK = 1e-9
 """How far beyond its domain a parameter counts as at the end of it, in units of its default."""
@@ -64,7 +63,7 @@ class ReleasedProblem(ForcedProblem):
 
     Notes
     -----
-    The unknowns are y = (z_0, t_0, z_1, t_1, ..., z_k, t_k [, xi]) of nodes z = (u, v, 0, parameters), equation (41). A periodic orbit has
+    The unknowns are y = (t_0, z_0, t_1, z_1, ..., t_k, z_k [, xi], parameters) of states z = (u, v), equation (41). A periodic orbit has
     the unfolding parameter xi, which is zero on every solution. Without impacts it starts where the sum of the modal displacements
     rises through zero, with the modes at `values`: at a maximum all velocities can be zero, and then a kick along them is nothing.
     """
@@ -88,16 +87,16 @@ class ReleasedProblem(ForcedProblem):
         system = parametric.system_along(parametric.at(values), released)
         # What the ends need is refused by the problem of the system.
         self.structure = MultipointProblem(system, self.ends, sequence, pieces)
-        self.kinds, self.quarters, self.periodic = self.structure.kinds, self.structure.quarters, self.structure.periodic
+        self.kinds, self.periodic = self.structure.kinds, self.structure.periodic
         super().__init__(parametric, sequence, released, keep=keep, values=values, pieces=pieces)
         if not self.structure.periodic:
-            self.segment.contact[self.inner :, 1] = -1
+            self.entries_of_nodes[self.inner :, 1] = -1
         self.starts_rising = self.structure.periodic and not self.sequence
         if self.starts_rising:
             # In place of a gap; the place of its bound is that of the base frequency, which is 0.
             row = self.modes.from_state[: self.degrees_of_freedom, : self.degrees_of_freedom].sum(axis=0)
-            self.segment.gap[self.inner, : len(row)] = row / np.linalg.norm(row)
-            self.segment.contact[self.inner] = self.parametric.layout.frequency.start, -1
+            self.gap[self.inner, : len(row)] = row / np.linalg.norm(row)
+            self.entries_of_nodes[self.inner] = self.parametric.layout.frequency.start, -1
 
     def _require_determined(self) -> None:
         parametric, layout, released = self.parametric, self.parametric.layout, self.released
@@ -123,13 +122,13 @@ class ReleasedProblem(ForcedProblem):
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         return [int(contact) for contact in self.structure.contacts]
 
-    def _closure(self) -> tuple[int, int, int, int]:
-        return UNFOLDED if self.structure.periodic else CLOSED, self.quarters, *self.kinds
+    def _closure(self) -> tuple[bool, int, int, int]:
+        return self.structure.periodic, self.structure.quarters, *self.structure.kinds
 
     def _end_rows(self) -> np.ndarray:
         n = self.degrees_of_freedom
         rows = np.zeros((0 if self.structure.periodic else 2 * n, 2 * n))
-        for k, (kind, end) in enumerate(zip(self.kinds, self.ends, strict=True) if len(rows) else ()):
+        for k, (kind, end) in enumerate(zip(self.structure.kinds, self.ends, strict=True) if len(rows) else ()):
             part = rows[k * n : (k + 1) * n]
             if kind == ORIGIN:
                 part[:, :n] = np.eye(n)
@@ -141,55 +140,25 @@ class ReleasedProblem(ForcedProblem):
                 part[1:, n:] = np.linalg.qr(np.column_stack([gap, np.eye(n)]))[0][:, 1:].T
         return rows
 
+    def as_it_is(self, y: np.ndarray) -> Solution:
+        found = super().as_it_is(y)
+        found.result[RESULT_INDEX["quarter_period"]] = self.period(y) / 4.0
+        return found
+
     def rise(self, y: np.ndarray) -> float:
         """The rate of the sum that is zero at the start of a closed orbit without impacts: the orbit starts there while it is above 0."""
         n = self.degrees_of_freedom
-        return float(self.segment.gap[self.inner, :n] @ self.nodes(y)[0, n : 2 * n])
+        return float(self.gap[self.inner, :n] @ self.states(y)[0, n:])
 
     def known_values(self, y: np.ndarray) -> dict[str, float]:
         """The values of all parameters, the energy and the quarter period at y."""
         problem, at = self.orbit_problem(y)
         return self.parameters(y) | {"energy": problem.energy(at), "quarter_period": problem.quarter_period(at)}
 
-    def multipliers(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
+    def multipliers(self, y: np.ndarray) -> np.ndarray:
         """All 2 n multipliers of the full period of an orbit y, by modulus descending: two are 1. NaN where an impact grazes."""
-        if not evaluated:
-            self.residual(y)
-        found = self.formed_multipliers(y)
-        if found is None:
-            found = self._multipliers_of_system(y)
+        found = self._multipliers_of_system(y)
         return sort_multipliers(np.concatenate([found, np.ones(2 * self.degrees_of_freedom - len(found))]))
-
-    def formed_multipliers(self, y: np.ndarray) -> np.ndarray | None:
-        """The multipliers but trivial ones, from the chain of flights and impacts, of the orbit that was evaluated last; None where that
-        does not do."""
-        if not isinstance(self.segment.flight, LoadedFlight) or self.structure.drifts:
-            return None
-        period, n = self._period, self.degrees_of_freedom
-        count = unfold_free(self.segment.flight, np.array(y, dtype=float), self._factor.before, GRAZING, period)
-        if count == GRAZES:
-            return np.full(2 * n, complex(math.nan, math.nan))
-        if count == 0:
-            return None
-        rows, flight = period.rows, period.flight._replace(matrix=period.flight.matrix[: 2 * n, : 2 * n])
-        place = np.zeros(len(rows.jump))
-        contacts = Contacts(rows.gap, rows.rate, np.zeros_like(rows.gap), place, place, rows.push, rows.jump - 1.0)
-        chain = make_chain(flight, contacts, period.weights, np.zeros((0, n)), True, True, False)
-        route, values, *_ = chain.multipliers(*(array[:count] for array in period.impacts))
-        return values if route <= FACTORED else None
-
-    @cached_property
-    def _period(self) -> FreePeriod:
-        """The full period of an orbit with impacts, for the kernel that fills it."""
-        modes, structure, n = self.modes, self.structure, self.degrees_of_freedom
-        stops = np.array([stop.gap for stop in self.system.stops], float).reshape(-1, n)
-        contact_stop, opposite = (np.array(part, dtype=np.int64) for part in (modes.contact_stop, modes.contact_opposite))
-        assert isinstance(self.segment.flight, LoadedFlight)
-        contacts, flight = np.array(self.contacts, dtype=np.int64), self.segment.flight.free
-        bound = np.where(contacts >= 0, np.append(modes.contacts.bound, 0.0)[contacts], 0.0)
-        shape = np.array([structure.inner, int(structure.periodic), structure.quarters, *structure.kinds], dtype=np.int64)
-        period: FreePeriod = make_free_period(stops, contacts, contact_stop, opposite, flight, bound, shape)
-        return period
 
     def _multipliers_of_system(self, y: np.ndarray) -> np.ndarray:
         """The multipliers but trivial ones, by the problem of the system there."""
@@ -229,14 +198,14 @@ class ReleasedProblem(ForcedProblem):
         except (InvalidSystem, EndsError):
             return None
         found = change(problem, at)
-        return None if found is None else self._unknowns_of(problem, found, 0.0, y[2 * self.degrees_of_freedom + 1 : self.size].tolist())
+        return None if found is None else self._unknowns_of(problem, found, 0.0, self.released_values(y).tolist())
 
     def in_pieces(self, pieces: int, y: np.ndarray) -> tuple[ReleasedProblem, np.ndarray]:
         """The problem with another number of pieces, and the unknowns y (u,) there."""
         if pieces == self.pieces:
             return self, np.array(y, float)
         other, (plain, at) = self.sibling(self.sequence, pieces=pieces), self._plain(y)
-        return other, other._unknowns_of(plain, at, 0.0, y[2 * self.degrees_of_freedom + 1 : self.size].tolist())
+        return other, other._unknowns_of(plain, at, 0.0, self.released_values(y).tolist())
 
     most_pieces = MOST_PIECES
 
@@ -272,11 +241,8 @@ class ReleasedProblem(ForcedProblem):
         if forces is not None:
             forces = None if forces.is_called else forces.at([values[name] for name in self.released])
         problem = MultipointProblem(self.parametric.system(values, forces), self.ends, self.sequence, self.pieces)
-        states = self.nodes(y)[:, : 2 * self.degrees_of_freedom] @ problem.modes.from_state.T
+        states = self.states(y) @ problem.modes.from_state.T
         return problem, problem.pack(states[0], states[1:], self.flight_times(y))
-
-    def _observe(self, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
-        """Left to the problem of the system there."""
 
 
 def _begun_at(cycle: Cycle, time: float, pieces: int) -> np.ndarray:

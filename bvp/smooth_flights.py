@@ -10,8 +10,6 @@ import numpy as np
 import saltus_core as core
 
 from bvp.dense import product
-from bvp.kernels.taylor import Paths
-from bvp.kernels.taylor import SmoothFlight as SmoothArrays
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -86,22 +84,11 @@ def flight_of(system: ImpactSystem) -> Any:
     return make_flight(system)
 
 
-def why_not_flown(flight: Any, begin: np.ndarray | None = None) -> str:
-    """Where and why the flight that was computed last has no end; empty where it has one. flight: of any kind, under loads too. begin
-    (W + 1,): under loads, the node and the duration of another one that was computed."""
-    if isinstance(flight, core.SmoothFlight):
-        return "" if flight.failure is None else why_not_complete(flight.failure, flight.is_called)
-    flight = getattr(flight, "taylor", flight)
-    if not isinstance(flight, SmoothArrays):
+def why_not_flown(flight: core.LinearFlight | core.SmoothFlight) -> str:
+    """Where and why the flight that was computed last has no end; empty where it has one."""
+    if not isinstance(flight, core.SmoothFlight) or flight.failure is None:
         return ""
-    paths, slot = flight.paths, int(flight.paths.latest[0])
-    if begin is not None:
-        slot = int(np.all(paths.begins == begin, axis=1).argmax())
-    steps, count = paths.steps[slot].tolist()
-    if steps >= 0:
-        return ""
-    full = count == paths.coefficients.shape[1]
-    return _why(paths.begins[slot, -1], paths.times[slot, count], count, full, flight.stages.address != 0)
+    return why_not_complete(flight.failure, flight.is_called)
 
 
 def why_not_complete(path: core.TaylorPath, called: bool = False) -> str:
@@ -133,31 +120,29 @@ def smooth_steps(flight: Any, state: np.ndarray, duration: float) -> tuple[np.nd
 class _Flights(Protocol):
     """What is needed of a forced problem (`bvp.forced.ForcedProblem`)."""
 
-    segment: Any
+    @property
+    def core(self) -> Any: ...
 
-    def fly(self, node: np.ndarray, time: float, flight: int = 0) -> Any: ...
+    size: int
+    smooth_forces: Any
 
 
 def loaded_steps(problem: _Flights, node: np.ndarray, duration: float, flight: int) -> tuple[np.ndarray, np.ndarray]:
-    """The same of a flight of a forced orbit with smooth forces, from one of its nodes (N,).
+    """The same of a flight of a forced orbit with smooth forces, from one of its nodes: (S, ORDER + 1, 2 n) of (u, v).
 
     Raises
     ------
     RuntimeError
         If the flight cannot be computed.
     """
-    problem.fly(node, duration, flight)
-    kept: Any = problem.segment.flight
-    paths = kept.taylor.paths
-    slots = np.flatnonzero(np.all(paths.begins == np.append(node, duration), axis=1) & (paths.steps[:, 0] > 0))
-    if not len(slots):
-        raise RuntimeError(f"flight {flight + 1} of an orbit: {why_not_flown(kept)}")
-    return _kept_steps(paths, int(slots[0]))
-
-
-def _kept_steps(paths: Paths, slot: int) -> tuple[np.ndarray, np.ndarray]:
-    count = int(paths.steps[slot, 0])
-    return paths.times[slot, : count + 1].copy(), paths.coefficients[slot, :count].copy()
+    size, n = problem.size, problem.size // 2
+    node = np.ascontiguousarray(node, dtype=float)
+    path = problem.core.path(node[size + 1 :], flight, node[: size + 1], float(duration))
+    if not path.complete:
+        raise RuntimeError(f"flight {flight + 1} of an orbit: {why_not_complete(path, problem.smooth_forces.is_called)}")
+    coefficients = path.coefficients
+    half = coefficients.shape[2] // 2  # the oscillators of the loads follow the coordinates
+    return path.times, np.concatenate([coefficients[..., :n], coefficients[..., half : half + n]], axis=2)
 
 
 def modal_energies(system: ImpactSystem, states: np.ndarray) -> np.ndarray:

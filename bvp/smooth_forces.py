@@ -116,16 +116,18 @@ class SmoothForces:
     def program(self) -> JetProgram:
         """The program of the forces' jets (`bvp.jet_programs`)."""
         if self.is_called:
-            return self._called_program()[0]
+            return self.called_forces().program
         return plain_jet_program(self.forces, self.symbols, self.parameters, self.numbers)
 
     def released_program(self) -> tuple[JetProgram, Program]:
         """The same with derivatives by the parameters (`bvp.jet_programs.jet_program`)."""
-        return self._called_program() if self.is_called else jet_program(self.forces, self.symbols, self.parameters, self.numbers)
+        if self.is_called:
+            return self.called_forces().program, program_of(list(self.parameters), self.parameters)
+        return jet_program(self.forces, self.symbols, self.parameters, self.numbers)
 
     def energy_program(self) -> Program:
-        """The program (`bvp.kernels.expressions`) of the potential, of the inputs; zero of forces that are called, whose energy is in the
-        program of the forces."""
+        """The program (`bvp.kernels.expressions`) of the potential, of the inputs; zero of forces that are called, whose energy is in
+        `called_forces`."""
         if self.is_called:
             return program_of([0], self.symbols)
         return with_numbers(_energy_program(self._potential, (*self.symbols, *self.parameters)), self.numbers)
@@ -135,11 +137,6 @@ class SmoothForces:
         from bvp.called_forces import called_forces
 
         return called_forces(self.forces, self.symbols, self.potential, self.parameters, self.numbers, _function)
-
-    def _called_program(self) -> tuple[JetProgram, Program]:
-        from bvp.called_forces import called_program
-
-        return called_program(self.called_forces(), self.parameters)
 
     @cached_property
     def is_called(self) -> bool:

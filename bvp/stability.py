@@ -16,8 +16,7 @@ import numpy as np
 import saltus_core as core
 
 from bvp.checks import EPSILON
-from bvp.closures import cycle_of
-from bvp.kernels.multipoint import ORIGIN
+from bvp.closures import ORIGIN, cycle_of
 from bvp.multipliers import floquet_multipliers, given_chain, linearised_flights, nearest_grazing, pairs_of, system_chain
 from bvp.multipoint import MultipointProblem, Solution
 

@@ -104,10 +104,6 @@ class Condition(Protocol):
 
     def held(self, at: Linearised, own: np.ndarray, borders: np.ndarray, scale: np.ndarray) -> Held: ...
 
-    def finished(self, held: Held, scale: np.ndarray) -> Held:
-        """The condition at a point that was found, for its test functions."""
-        ...
-
 
 class ScalarCondition:
     """A number that vanishes: `function` gives it and its derivatives (u,)."""
@@ -126,14 +122,10 @@ class ScalarCondition:
         value, gradient = self._function(at)
         return Held(np.array([value]), gradient[None, :], borders)
 
-    def finished(self, held: Held, scale: np.ndarray) -> Held:
-        """See `Condition`."""
-        return held
-
 
 class Null(NamedTuple):
     """Null vectors of a pencil at the unknowns y (u,): right (d m, d) in units of the unknowns' sizes, left (d m, d); shifted (m, m), B1 in
-    the same units; along (d m, u), the derivatives of B0 times the first null vector."""
+    the same units; along (d m, u), the derivatives of the whole matrix times the first null vector."""
 
     y: np.ndarray
     right: np.ndarray
@@ -150,21 +142,19 @@ class SingularCondition:
     matrices : callable
         Gives B0 and B1, (m, m) each. The columns are unknowns of the surface, the first m of them.
     along : callable
-        ``along(at, v)`` (m, u): the derivatives of B0 v by the unknowns, B1 being constant.
+        ``along(at, parts, own)`` (d m, u): the derivatives by the unknowns of the whole matrix times a vector with d parts (d, m). own: the
+        unknowns of the condition.
     multiplier : float or None
         lambda; None: a pair exp(+-i theta), whose cosine is an unknown.
-    refined : callable, optional
-        ``refined(y, v)``: the same as `along` at the unknowns y, exact, where that is not.
     """
 
     def __init__(
         self,
         matrices: Callable[[Linearised], tuple[np.ndarray, np.ndarray]],
-        along: Callable[[Linearised, np.ndarray], np.ndarray],
+        along: Callable[[Linearised, np.ndarray, np.ndarray], np.ndarray],
         multiplier: float | None,
-        refined: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
     ):
-        self._matrices, self._along, self.multiplier, self._refined = matrices, along, multiplier, refined
+        self._matrices, self._whole_slopes, self.multiplier = matrices, along, multiplier
         self.own = 0 if multiplier is not None else 1
         self.order = 1 + self.own
 
@@ -199,22 +189,13 @@ class SingularCondition:
         left = dgetrs(factor, pivots, wanted, trans=1)[0][:size]
         values, first = right[size:, 0], right[:size, 0]
         m = len(shifted)
-        slopes = np.vstack([self._along(at, part * scale[:m]) for part in first.reshape(d, m)])
+        slopes = self._whole_slopes(at, first.reshape(d, m) * scale[:m], own)
         gradient = -left.T @ slopes
         if self.own:
             turned = np.concatenate([np.zeros(m), 2.0 * (shifted @ first[m:])])
             gradient = np.column_stack([gradient, -left.T @ turned])
         renewed = np.concatenate([_orthonormal(left).T.ravel(), _orthonormal(right[:size]).T.ravel()])
         return Held(values, gradient, renewed, Null(at.y, right[:size], left, shifted, slopes))
-
-    def finished(self, held: Held, scale: np.ndarray) -> Held:
-        """See `Condition`."""
-        if self._refined is None:
-            return held
-        null: Null = held.extra
-        m = len(null.shifted)
-        slopes = [self._refined(null.y, part * scale[:m]) for part in null.right[:, 0].reshape(self.order, m)]
-        return held._replace(extra=null._replace(along=np.vstack(slopes)))
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
@@ -355,7 +336,6 @@ class Curve:
         turn = float(direction @ way) / size
         if not math.isfinite(turn):
             return None
-        held = self.condition.finished(held, scale)
         at = self.surface.linearised(new[:u])
         worst = self.surface.worst(at)
         if not math.isfinite(worst):  # the last update left what the surface can have

@@ -233,7 +233,7 @@ def meeting_failures(here: tuple[ForcedProblem, EventOrbit], there: tuple[Forced
         measures.append(_measures(problem, y))
     for one, other in zip(*measures, strict=True):
         # An orbit can rest at its stop, at zero: then both numbers are rounding.
-        if not abs(one - other) <= _MEETS * max(abs(one), abs(other), measures[0][1] * 1e-3, _ROUNDING * float(here[0].segment.scale[0])):
+        if not abs(one - other) <= _MEETS * max(abs(one), abs(other), measures[0][1] * 1e-3, _ROUNDING * float(here[0].units[0])):
             yield f"its two orbits are not the same: {one:.6g} and {other:.6g} differ"
             return
 

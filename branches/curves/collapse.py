@@ -23,7 +23,7 @@ from branches.curves.single_orbits import APART, Narrow, apart_from_single, narr
 from branches.events import Ended, numbered
 from branches.extending import reversed_line
 from branches.released.segments import segment_of
-from bvp.kernels.multipoint import REST
+from bvp.closures import REST
 from bvp.released import ReleasedProblem
 
 __all__ = ["with_collapsed_ends"]

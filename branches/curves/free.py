@@ -21,10 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from branches.curves.kernels import CONSTANT, OTHER, OWN
-from branches.curves.pencils import NONE_FREED, MatrixRows, RowsCondition, whole_rows
-from branches.curves.plane import ParameterPlane, closing_block
-from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, STOP
+from branches.curves.pencils import CONSTANT, NONE_FREED, OTHER, OWN, Freed, MatrixRows, RowsCondition, whole_rows
+from branches.curves.plane import ParameterPlane
+from bvp.closures import ORIGIN, REST, STOP
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised, SingularCondition
 
@@ -67,20 +66,21 @@ class Turned(ReleasedProblem):
         super().__init__(
             problem.parametric, problem.ends, problem.sequence, problem.released, problem.keep, values=problem.values, energy=problem.energy
         )
-        self._table._known = problem._table._known  # the modes at the same parameters
+        self.contact_modes.share_known(problem.contact_modes)  # the modes at the same parameters
 
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         # The state before the impact at an end is the one that has conditions.
         return [*super()._contacts(hit)[:-2], -1, -1]
 
-    def _closure(self) -> tuple[int, int, int, int]:
-        return CLOSED, self.quarters, REST, REST
+    def _closure(self) -> tuple[bool, int, int, int]:
+        return False, self.structure.quarters, REST, REST
 
     def _end_rows(self) -> np.ndarray:
         # Those of a symmetric perturbation, with displacements and velocities exchanged. At a stop the one across the gap comes last.
         n = self.degrees_of_freedom
         rows = np.split(np.roll(super()._end_rows(), n, axis=1), 2)
-        return np.vstack([np.roll(part, -1, axis=0) if kind == STOP else part for part, kind in zip(rows, self.kinds, strict=True)])
+        kinds = self.structure.kinds
+        return np.vstack([np.roll(part, -1, axis=0) if kind == STOP else part for part, kind in zip(rows, kinds, strict=True)])
 
 
 def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = FOLD, in_energy: bool = False) -> SingularCondition:
@@ -133,7 +133,7 @@ class Fold:
         self._energy: ReleasedProblem | None = None
         if in_energy and names_quarter_period(plane):
             self._energy = problem.sibling(problem.sequence, keep=(*problem.keep[:-1], "energy = 1"))
-            self._energy._table._known = problem._table._known
+            self._energy.contact_modes.share_known(problem.contact_modes)
             self._rows = _parameter_rows(problem)
 
     def matrix(self, at: Linearised) -> np.ndarray:
@@ -147,10 +147,10 @@ class Fold:
         """The condition that it is singular."""
         energy, none = self._energy, np.zeros((self.size, self.size))
         if energy is None:
-            return RowsCondition(self._plane, whole_rows(self._plane, none), 1.0)
+            return RowsCondition(self._plane, whole_rows(self._plane, False), 1.0)
 
-        def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
-            found, count = none.copy(), self.size - len(self._rows) - 1
+        def along(at: Linearised, parts: np.ndarray, own: np.ndarray) -> np.ndarray:
+            found, count, direction = none.copy(), self.size - len(self._rows) - 1, parts[0]
             found[:count] = self.problem.curvature.second_along(at.y, direction)[:count]
             found[-1] = energy.curvature.second_along(at.y, direction)[-1]
             return found
@@ -165,19 +165,18 @@ def names_quarter_period(plane: ParameterPlane) -> bool:
 
 def _parameter_rows(problem: ReleasedProblem) -> np.ndarray:
     """The rows of perturbations at fixed parameters, (m, u)."""
-    first = 2 * problem.degrees_of_freedom + 1
-    return np.eye(len(problem.released), problem.unknowns, first)
+    return np.eye(len(problem.released), problem.unknowns, problem.place)
 
 
 def _doubling(plane: ParameterPlane) -> RowsCondition:
     """Of orbits closed on themselves: the state after the period is that before it with the other sign."""
     problem, size = plane.problem, plane.size
     assert isinstance(problem, ReleasedProblem)
-    rows = whole_rows(plane, closing_block(plane))
-    fixed_rows = np.vstack([_parameter_rows(problem), np.eye(1, size, size - 1)])
+    rows = whole_rows(plane, True)
+    fixed_rows = np.vstack([_parameter_rows(problem), np.eye(1, size, problem.place - 1)])
     rows.source[size - len(fixed_rows) :, 0] = CONSTANT
     rows.constant[size - len(fixed_rows) :] = fixed_rows
-    return RowsCondition(plane, rows, -1.0, refined=False)
+    return RowsCondition(plane, rows, -1.0)
 
 
 class Breaking:
@@ -199,7 +198,7 @@ class Breaking:
 
     def condition(self, symmetry: Symmetry) -> SingularCondition:
         """The condition that the matrix is singular."""
-        return RowsCondition(self.plane, self._rows[symmetry], 1.0, refined=False)
+        return RowsCondition(self.plane, self._rows[symmetry], 1.0)
 
     def matrix(self, at: Linearised, symmetry: Symmetry) -> np.ndarray:
         """The matrix, (u, u)."""
@@ -209,20 +208,21 @@ class Breaking:
 
 
 def _breaking_rows(turned: Turned, symmetry: Symmetry) -> MatrixRows:
-    """The rows of the flights, of the end conditions, of times, of the clock, and of the parameters: those of the problem of the family, of
-    the one with turned ends, or constant."""
-    n, width, size, k = turned.degrees_of_freedom, turned.size, turned.unknowns, turned.inner
-    first = k * (width + 1)
+    """The rows of the flights, of the end conditions, of times, and of the parameters: those of the problem of the family, of the one with
+    turned ends, or constant."""
+    n, width, size, k = turned.degrees_of_freedom, turned.size + 1, turned.unknowns, turned.inner
+    first = k * width
     source, row, ends = [OWN] * first, list(range(first)), []
     constants = np.zeros((size, size))
-    times = width + np.arange(k + 1) * (width + 1)
+    times = np.arange(k + 1) * width
 
     def constant(columns: np.ndarray | int) -> None:
         constants[len(row), columns] = 1.0
         source.append(CONSTANT)
         row.append(0)
 
-    moved = [symmetry[end] and turned.kinds[end] == STOP for end in (0, 1)]
+    kinds = turned.structure.kinds
+    moved = [symmetry[end] and kinds[end] == STOP for end in (0, 1)]
     for end in (0, 1):
         ends.append(len(row))
         source += [OTHER if symmetry[end] else OWN] * n
@@ -232,34 +232,31 @@ def _breaking_rows(turned: Turned, symmetry: Symmetry) -> MatrixRows:
             row.append(first + end * n)  # c . du = 0
     if not any(moved):
         constant(times)
-    if symmetry != BOTH:
-        source.append(OWN)
-        row.append(first + 2 * n)
-    elif not all(moved):
+    if symmetry == BOTH and not all(moved):
         constant(times[0] if not moved[0] else times[-1])  # excludes a shift
-    for j in range(len(turned.released)):
-        constant(2 * n + 1 + j)
-    freed = _freed_places(turned, ends) if symmetry == BOTH else NONE_FREED
-    return MatrixRows(np.array([source, row]).T.copy(), constants, np.zeros((size, size)), turned, freed)
+    # The column of the first parameter, which does not change, is that of the freedom.
+    for j in range(int(symmetry == BOTH), len(turned.released)):
+        constant(turned.place + j)
+    freed = _freed(turned, ends) if symmetry == BOTH else NONE_FREED
+    return MatrixRows(np.array([source, row]).T.copy(), constants, False, turned, freed)
 
 
-def _freed_places(problem: ReleasedProblem, ends: Sequence[int]) -> np.ndarray:
-    """Where the unknown s of the first node, which nothing else needs, changes the energy at an end, and which row excludes a shift of
-    states: see `branches.curves.kernels.free_energy`. ends: where the rows of each end begin.
+def _freed(problem: ReleasedProblem, ends: Sequence[int]) -> Freed:
+    """Where the column of the first parameter changes the energy at an end, and which row excludes a shift of states. ends: where the rows
+    of each end begin.
 
     This column and this row are multiplied by numbers that vanish where the matrix is singular, so that their derivatives do not matter."""
-    n, kinds, found = problem.degrees_of_freedom, problem.kinds, NONE_FREED.copy()
+    n, kinds = problem.degrees_of_freedom, problem.structure.kinds
     # Velocities are not zero at an origin, nor displacements at rest.
     kept = [n if kind == ORIGIN else 0 for kind in kinds]
     if kinds[0] == kinds[1] == STOP:
-        found[:2, 0] = [row + n - 1 for row in ends]
-        return found
-    end = 1 if kinds[1] != STOP else 0
-    found[end] = ends[end], kept[end]
+        return Freed(problem.place, ((ends[0] + n - 1, -1), (ends[1] + n - 1, -1)), None)
+    far = kinds[1] != STOP
+    places = (None, (ends[1], kept[1])) if far else ((ends[0], kept[0]), None)
+    shift = None
     if STOP not in kinds and problem.inner == 0:
-        found[2] = problem.inner * (problem.size + 1) + 2 * n + 1, kept[0]
-        found[3] = n - kept[0], problem.parametric.layout.mass.start
-    return found
+        shift = 2 * n + 1, kept[0], n - kept[0]
+    return Freed(problem.place, places, shift)
 
 
 def smallest_singular(condition: SingularCondition, at: Linearised, scale: np.ndarray) -> tuple[float, float]:

@@ -21,17 +21,17 @@ _SLOW = 1e-6
 
 def approach_speeds(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The nodes that are impacts, and the speeds of approach there. Node i ends flight i; node k + 1 is a stop at the start."""
-    segment, n, k = problem.segment, problem.degrees_of_freedom, problem.inner
+    n, k = problem.degrees_of_freedom, problem.inner
     nodes = np.array([i for i in range(k + 2) if problem.contacts[i] >= 0 and not (i == k + 1 and problem.structure.periodic)], dtype=int)
-    velocities = [-y[n : 2 * n] if i == k + 1 else ends[i, n : 2 * n] for i in nodes]
-    speeds = [float(segment.side[i] * (segment.gap[i, :n] @ v)) for i, v in zip(nodes, velocities, strict=True)]
+    velocities = [-problem.states(y)[0, n:] if i == k + 1 else ends[i, n:] for i in nodes]
+    speeds = [float(problem.side[i] * (problem.gap[i, :n] @ v)) for i, v in zip(nodes, velocities, strict=True)]
     return nodes, np.array(speeds)
 
 
 def impact_places(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """The displacements (p, n) at nodes of `approach_speeds`."""
     n, k = problem.degrees_of_freedom, problem.inner
-    return np.array([y[:n] if i > k else ends[i, :n] for i in nodes.tolist()]).reshape(-1, n)
+    return np.array([problem.states(y)[0, :n] if i > k else ends[i, :n] for i in nodes.tolist()]).reshape(-1, n)
 
 
 def free_grazing_at(problem: ReleasedProblem, y: np.ndarray, solution: Solution) -> tuple[ReleasedProblem, np.ndarray, Grazing]:
@@ -68,14 +68,13 @@ def touch_as_impact(
     choice = candidate(orbit, (1 << len(orbit.times)) - 1)
     other = MultipointProblem(plain.system, choice.ends, choice.sequence)
     made, start = released_orbit(problem, problem.parameters(y), other, other.pack(choice.start, choice.nodes, choice.times))
-    made.residual(start)
-    n, before = problem.degrees_of_freedom, made._factor.before
+    n, before = problem.degrees_of_freedom, made.end_states(start)
     nodes, speeds = approach_speeds(made, start, before)
     if besides is not None:
         apart = ~are_at(impact_places(made, start, before, nodes), besides, made.structure.periodic)
         nodes, speeds = nodes[apart], speeds[apart]
     slowest = int(np.argmin(np.abs(speeds))) if len(speeds) else -1
-    if slowest < 0 or abs(speeds[slowest]) > _SLOW * problem.segment.scale[n]:
+    if slowest < 0 or abs(speeds[slowest]) > _SLOW * problem.units[n]:
         raise ValueError("the impact at the touch was not found; expected another event")
     return made, start, Grazing("speed", int(nodes[slowest]))
 

@@ -15,12 +15,11 @@ from branches.curves.free_grazing import approach_speeds, are_at, impact_places,
 from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.free_points import Critical, FreePoint, event_of, half_multiplier, observed_free
 from branches.curves.grazing import Grazing, beside_grazing
-from branches.curves.grazing_monitor import SECOND_GRAZING, enter_least, second_grazing
+from branches.curves.grazing_monitor import FLIGHT, SECOND_GRAZING, SPEED, enter_least, second_grazing
 from branches.curves.monitor import NAMES, Window, fold_coefficient, window_tests, window_values
 from branches.curves.plane import ParameterPlane
 from branches.presentation import symmetries
 from bvp.closures import cycle_of
-from bvp.kernels.multipoint import FLIGHT, FLIGHT_INDEX, SPEED, SPEED_NODE
 from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 from continuation.curves import Held, Linearised
@@ -75,9 +74,9 @@ class FreeMonitor:
     def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         problem, null = self.problem, held.extra
-        solution = observed_free(problem, at.y, problem._factor.before.copy())
+        solution = observed_free(problem, at.y)
         guards = [solution["clearance"], solution["speed"], solution["flight"]]
-        sizes = self.plane.scales(at.y, evaluated=True)
+        sizes = self.plane.scales(at.y)
         critical = self._critical.values(at, scale)
         found = []
         if self._form is None:
@@ -133,12 +132,12 @@ class FreeGrazingMonitor:
         assert isinstance(problem, ReleasedProblem)
         self.plane, self.problem, self.grazing, self.window = plane, problem, grazing, window
         self._critical = Critical(plane, [])
-        problem.residual(y)
-        nodes, speeds = approach_speeds(problem, y, problem._factor.before)
+        ends = problem.end_states(y)
+        nodes, speeds = approach_speeds(problem, y, ends)
         left = nodes == grazing.flight if grazing.kind == "speed" else np.zeros(len(nodes), dtype=bool)
         if left.any() and problem.structure.periodic:
-            places = impact_places(problem, y, problem._factor.before, nodes)
-            left = are_at(places, places[left][0], True) & (speeds <= _SLOW * float(np.max(np.abs(problem._factor.before))))
+            places = impact_places(problem, y, ends, nodes)
+            left = are_at(places, places[left][0], True) & (speeds <= _SLOW * float(np.max(np.abs(ends))))
         self._others = nodes[~left]
         events = [event_of(problem, symmetry) for symmetry in self._critical.symmetries]
         self.tests = (
@@ -150,7 +149,6 @@ class FreeGrazingMonitor:
     def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         solution, bend = self._observed(at.y)
-        self.problem.residual(at.y)
         guards = [solution["clearance"], solution["speed"], solution["flight"], bend]
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *self._critical.values(at, scale)]
         return values, FreePoint(self.problem, solution)
@@ -158,7 +156,6 @@ class FreeGrazingMonitor:
     def second(self, y: np.ndarray) -> tuple[ReleasedProblem, np.ndarray, Grazing]:
         """What else grazes at an orbit of the curve. Result and errors as of `branches.curves.grazing_monitor.GrazingMonitor.second`."""
         problem, grazing = self.problem, self.grazing
-        problem.residual(y)
         solution = self._observed(y)[0]
         least = second_grazing(problem, solution)
         if least != "clearance":
@@ -167,19 +164,21 @@ class FreeGrazingMonitor:
         return touch_as_impact(problem, y, impact_places(problem, y, ends, np.array([grazing.flight]))[0])
 
     def _observed(self, y: np.ndarray) -> tuple[Solution, float]:
-        """The orbit that was evaluated last, with all else but its grazing, and the acceleration of the gap at its touch."""
-        problem, grazing, ends = self.problem, self.grazing, self.problem._factor.before.copy()
-        flights, shown, shown_ends, bend = problem.flight_times(y), np.array(y), ends, 1.0
+        """An orbit with all else but its grazing, and the acceleration of the gap at its touch."""
+        problem, grazing = self.problem, self.grazing
+        whole = problem.flights(y)
+        flights, ends, bend = whole.times, whole.ends, 1.0
         if grazing.kind == "flight":
-            problem.flight_times(shown)[grazing.flight] = 0.0
-            flights = np.where(np.arange(len(flights)) == grazing.flight, math.inf, flights)
+            here = np.arange(len(flights)) == grazing.flight
+            shown = whole._replace(times=np.where(here, 0.0, flights))
+            flights = np.where(here, math.inf, flights)
         else:
-            shown, shown_ends, bend = beside_grazing(problem, y, ends, grazing.flight, problem.structure.periodic)
+            shown, bend = beside_grazing(problem, y, whole, grazing.flight, problem.structure.periodic)
         nodes, speeds = approach_speeds(problem, y, ends)
         watched = np.isin(nodes, self._others)
-        solution = observed_free(problem, shown, shown_ends)
-        enter_least(solution.result, [SPEED, SPEED_NODE], speeds[watched], nodes[watched])
-        enter_least(solution.result, [FLIGHT, FLIGHT_INDEX], flights, np.arange(len(flights)))
+        solution = observed_free(problem, y, shown)
+        enter_least(solution.result, SPEED, speeds[watched], nodes[watched])
+        enter_least(solution.result, FLIGHT, flights, np.arange(len(flights)))
         return Solution(y, solution.tangent, solution.position, ends, solution.result), bend
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:

@@ -59,10 +59,10 @@ class CurveNormalForm:
         self._wide: dict[tuple[Ends, ImpactSequence], ReleasedProblem] = {}
 
     def reduced(self, at: Linearised, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """r of each family, NaN where it is not known, and the direction across the curve, (u,). The orbit was evaluated last."""
+        """r of each family, NaN where it is not known, and the direction across the curve, (u,). """
         problem = self.problem
         way = _across(at, held, tangent, scale)
-        here, moved = segment_of(problem, at.y, evaluated=True), changed(problem, at.y, way)
+        here, moved = segment_of(problem, at.y), changed(problem, at.y, way)
         found = np.full(self.count, math.nan)
         for k, (window, matrix) in enumerate(zip(self._windows, self._matrices(here), strict=True)):
             cubic = None if matrix is None else matrix.cubic()

@@ -11,48 +11,48 @@ import numpy as np
 
 from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Fold, Symmetry, with_rows_of_one
 from branches.curves.free_grazing import approach_speeds
-from branches.curves.grazing_monitor import enter_least, signed_smallest
+from branches.curves.grazing_monitor import SPEED, enter_least, signed_smallest
 from branches.curves.plane import ParameterPlane
-from bvp.forced import ForcedProblem
+from bvp.closures import REST
+from bvp.forced import Flights
 from bvp.kernels.extrema import TIE
-from bvp.kernels.multipoint import CLEARANCE, CLEARANCE_TIME, QUARTER_PERIOD, REST, RESULT, SPEED, SPEED_NODE
 from bvp.multipoint import Solution
+from bvp.orbits import RESULT_INDEX
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised
 
 __all__ = ["Critical", "FreePoint", "event_of", "half_multiplier", "observed_free"]
 
 
-def observed_free(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray | None = None) -> Solution:
-    """An orbit as it stands, with its clearance, its slowest impact and its shortest flight. ends: the states after the flights of the
-    orbit that was evaluated last; None: y is evaluated."""
-    if ends is None:
-        problem.residual(y)
-        ends = problem._factor.before.copy()
-    result = np.full(len(RESULT), math.nan)
-    ForcedProblem._observe(problem, np.array(y), ends, result)
-    _see_rests(problem, y, ends, result)
-    nodes, speeds = approach_speeds(problem, y, ends)
-    enter_least(result, [SPEED, SPEED_NODE], speeds, nodes)
-    result[QUARTER_PERIOD] = float(np.sum(problem.flight_times(y))) / problem.quarters
-    return Solution(np.array(y), np.zeros(2 * y.size), np.zeros(problem.size), ends, result)
+def observed_free(problem: ReleasedProblem, y: np.ndarray, flights: Flights | None = None) -> Solution:
+    """An orbit as it stands, with its clearance, its slowest impact and its shortest flight. flights: those that are looked at, or all."""
+    shown = problem.flights(y) if flights is None else flights
+    result = problem.observed(y, shown)
+    _see_rests(problem, y, shown, result)
+    nodes, speeds = approach_speeds(problem, y, shown.ends)
+    enter_least(result, SPEED, speeds, nodes)
+    result[RESULT_INDEX["quarter_period"]] = problem.period(y) / 4.0
+    return Solution(np.array(y), np.zeros(2 * y.size), problem.position(y), shown.ends, result)
 
 
-def _see_rests(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
+def _see_rests(problem: ReleasedProblem, y: np.ndarray, shown: Flights, result: np.ndarray) -> None:
     """Where an orbit is at rest all gaps turn: compare their distances from the stops with the clearance in a result."""
-    watched, k, n = problem._watched, problem.inner, problem.degrees_of_freedom
-    bounds = problem.segment.released.entries[watched.bounds]
-    places = (0, y[:n], 0.0), (k, ends[k, :n], float(problem.flight_times(y)[k]))
-    for kind, (flight, x, time) in zip(() if problem.structure.periodic else problem.kinds, places, strict=False):
-        if kind != REST or not len(watched.gaps):
+    stops, k, n, layout = problem.contact_modes.stops, problem.inner, problem.degrees_of_freedom, problem.parametric.layout
+    if problem.structure.periodic or not len(stops):
+        return
+    entries = problem.parametric.entries(problem.parameters(y))
+    clearance, time_of = RESULT_INDEX["clearance"], RESULT_INDEX["clearance_time"]
+    places = (0, shown.begins[0, :n], 0.0), (k, shown.ends[k, :n], float(shown.times[k]))
+    for kind, (flight, x, time) in zip(problem.structure.kinds, places, strict=True):
+        if kind != REST:
             continue
-        gaps = watched.gaps @ x
-        distances = np.stack([bounds[1] - gaps, gaps - bounds[0]], axis=1).ravel()
+        gaps = stops @ x
+        distances = np.stack([entries[layout.upper] - gaps, gaps - entries[layout.lower]], axis=1).ravel()
         # At a tie the earlier instant counts, and the first stop.
         least, tie = float(distances.min()), TIE * float(np.abs(gaps).max())
-        if least < result[CLEARANCE] + (tie if time == 0.0 else -tie):
+        if least < result[clearance] + (tie if time == 0.0 else -tie):
             stop, lower = divmod(int(np.argmax(distances <= least + tie)), 2)
-            result[CLEARANCE : CLEARANCE_TIME + 1] = min(least, result[CLEARANCE]), flight, stop, 1.0 - 2.0 * lower, time
+            result[clearance : time_of + 1] = min(least, result[clearance]), flight, stop, 1.0 - 2.0 * lower, time
 
 
 def event_of(problem: ReleasedProblem, symmetry: Symmetry) -> tuple[str, str]:

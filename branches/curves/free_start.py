@@ -14,7 +14,6 @@ from branches.curves.free_points import event_of, observed_free
 from branches.curves.grazing import Grazing, grazing_condition
 from branches.curves.monitor import Window
 from branches.curves.plane import ParameterPlane, plane_of
-from branches.curves.steps import curve_of
 from branches.orbit import Orbit
 from branches.presentation import canonical_orbit, is_solved_as_it_is
 from branches.released.presentation import embedded_orbit, released_orbit
@@ -124,9 +123,9 @@ def free_event(
 def free_curve(plane: ParameterPlane, code: str, kind: FreeKind | Grazing, y: np.ndarray, window: Window) -> Curve:
     """A curve of free orbits as a `continuation.Problem`. y: an orbit of it. window: in the order of the plane."""
     if isinstance(kind, Grazing):
-        return curve_of(plane, grazing_condition(plane, kind), FreeGrazingMonitor(plane, kind, y, window), kind)
+        return Curve(plane, grazing_condition(plane, kind), FreeGrazingMonitor(plane, kind, y, window))
     condition = free_condition(plane, code, kind.symmetry, kind.in_energy)
-    return curve_of(plane, condition, FreeMonitor(plane, code, kind.symmetry, window, kind.doubled))
+    return Curve(plane, condition, FreeMonitor(plane, code, kind.symmetry, window, kind.doubled))
 
 
 def _is_in_energy(plane: ParameterPlane, y: np.ndarray) -> bool:

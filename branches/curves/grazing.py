@@ -18,9 +18,7 @@ from branches.forced.closing import sticks_for_ever, vanishes, without_moment
 from branches.forced.primitive import primitive_orbit
 from branches.forced.resequencing import with_touch, without_impact
 from bvp.contact_sequence import CLOSES, OPENS
-from bvp.forced import ForcedProblem
-from bvp.kernels.forced_sticking import contact_force
-from bvp.kernels.multipoint import QUARTER_PERIOD, RESULT
+from bvp.forced import Flights, ForcedProblem
 from bvp.multipoint import Solution
 from continuation.curves import Linearised, ScalarCondition
 
@@ -85,8 +83,8 @@ def held_grazing(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, 
     size = 2 * problem.degrees_of_freedom
     node = problem.nodes(y)[release]
     fraction = float(node[size]) * problem.load_periods % 1.0
-    start = made.pack(np.tile(node[:size], (2, 1)), np.array([fraction, fraction + 1.0]), node[size + 1 :])
-    made.flight_times(start)[:] = made.period(start), 0.0
+    period = problem.period(y) / problem.load_periods
+    start = made.pack(np.tile(node[:size], (2, 1)), np.array([fraction, fraction + 1.0]), node[size + 1 :], [period, 0.0])
     return made, start, Grazing("held", 1)
 
 
@@ -115,8 +113,8 @@ def grazing_of(problem: ForcedProblem, solution: Solution, least: str) -> tuple[
 def grazing_sizes(problem: ForcedProblem, solution: Solution) -> dict[str, float]:
     """Clearance, least impact speed and least flight time of an orbit, in units of arclength and of the solved segment."""
     return {
-        "clearance": abs(solution["clearance"]) / problem.segment.scale[0],
-        "speed": abs(solution["speed"]) / problem.segment.scale[problem.degrees_of_freedom],
+        "clearance": abs(solution["clearance"]) / problem.units[0],
+        "speed": abs(solution["speed"]) / problem.units[problem.degrees_of_freedom],
         "flight": abs(solution["flight"]) / float(np.sum(problem.flight_times(solution.y))),
     }
 
@@ -140,55 +138,43 @@ def _other_closure(primitive: ForcedProblem, problem: ForcedProblem) -> tuple[in
 
 
 def observed(problem: ForcedProblem, y: np.ndarray) -> Solution:
-    """An orbit as it stands, with what its paths and impacts show: near a singular point Newton's method would move it."""
-    problem.residual(y)
-    result = np.full(len(RESULT), math.nan)
-    ends = problem._factor.before.copy()
-    problem._observe(y, ends, result)
-    result[QUARTER_PERIOD] = problem.period(y)
-    return Solution(y, np.zeros(2 * y.size), np.zeros(problem.size), ends, result)
+    """See `ForcedProblem.as_it_is`."""
+    return problem.as_it_is(y)
 
 
 def grazing_condition(plane: ParameterPlane, grazing: Grazing) -> ScalarCondition:
     """The condition of a grazing. An impact behind the last node is the one at the start of a segment between two ends."""
-    problem, flight = plane.problem, grazing.flight
-    width, n = problem.size, problem.degrees_of_freedom
-    at = flight * (width + 1)
+    problem, flight, n = plane.problem, grazing.flight, plane.problem.degrees_of_freedom
 
     def speed(point: Linearised) -> tuple[float, np.ndarray]:
-        row = problem.segment.side[flight] * problem.segment.gap[flight, :n]
-        gradient = np.zeros(plane.size)
+        y, row = point.y, problem.side[flight] * problem.gap[flight, :n]
         if flight > problem.inner:
-            gradient[n : 2 * n] = -row
-            return float(gradient[n : 2 * n] @ point.y[n : 2 * n]), gradient
-        out, jacobian, rate = problem.flown(point.y[at : at + width], point.y[at + width], flight)
-        gradient[at : at + width] = row @ jacobian[n : 2 * n]
-        gradient[at + width] = row @ rate[n : 2 * n]
-        return float(row @ out[n : 2 * n]), gradient
+            gradient = np.zeros(plane.size)
+            problem.states(gradient)[0, n:] = -row
+            return float(-row @ problem.states(y)[0, n:]), gradient
+        place = problem.flown(problem.nodes(y)[flight], float(problem.flight_times(y)[flight]), flight)
+        here = slice(n, 2 * n)
+        return float(row @ place.values[here]), problem.gradient(y, flight, row @ place.slopes[here], float(row @ place.rates[here]))
 
     def duration(point: Linearised) -> tuple[float, np.ndarray]:
-        gradient = np.zeros(plane.size)
-        gradient[at + width] = 1.0
-        return float(point.y[at + width]), gradient
+        nothing = np.zeros(2 * n + 1 + len(problem.released))
+        return float(problem.flight_times(point.y)[flight]), problem.gradient(point.y, flight, nothing, 1.0)
 
     def force(point: Linearised) -> tuple[float, np.ndarray]:
-        gradient = np.zeros(plane.size)
-        value, gradient[at : at + width], _ = _least_force(problem, point.y, grazing)
-        return value, gradient
+        value, slopes, _ = _least_force(problem, point.y, grazing)
+        return value, problem.gradient(point.y, flight, slopes)
 
     return ScalarCondition({"speed": speed, "flight": duration, "held": duration, "force": force}[grazing.kind])
 
 
-def beside_grazing(
-    problem: ForcedProblem, y: np.ndarray, ends: np.ndarray, flight: int, wraps: bool
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """An orbit without the neighbourhood of an impact without speed.
+def beside_grazing(problem: ForcedProblem, y: np.ndarray, whole: Flights, flight: int, wraps: bool) -> tuple[Flights, float]:
+    """The flights of an orbit without the neighbourhood of an impact without speed.
 
     Parameters
     ----------
     problem, y : ForcedProblem, (u,) float
-    ends : (k + 1, N) float
-        The nodes before the impacts.
+    whole : Flights
+        Those of the orbit.
     flight : int
         That ends with the impact; k + 1 for an impact at the start of a segment between two ends.
     wraps : bool
@@ -196,76 +182,72 @@ def beside_grazing(
 
     Returns
     -------
-    y, ends : ndarray
-        With the flights before and behind the impact shortened.
-    bend : float
+    Flights
+        Those before and behind the impact are shortened.
+    float
         The acceleration of the gap at the impact, away from the stop.
     """
     n, k = problem.degrees_of_freedom, problem.inner
-    row = problem.segment.side[flight] * problem.segment.gap[flight, :n]
+    row = problem.side[flight] * problem.gap[flight, :n]
     at_start = flight > k
-    place, time = (0, 0.0) if at_start else (flight, float(problem.flight_times(y)[flight]))
-    bend = -float(row @ problem.flown(problem.nodes(y)[place], time, place)[2][n : 2 * n])
+    place, time = (0, 0.0) if at_start else (flight, float(whole.times[flight]))
+    bend = -float(row @ problem.flown(problem.nodes(y)[place], time, place).rates[n : 2 * n])
     after = 0 if at_start or (flight == k and wraps) else flight + 1
-    return *_shortened(problem, y, ends, None if at_start else flight, after if after <= k else None), bend
+    return _shortened(problem, y, whole, None if at_start else flight, after if after <= k else None), bend
 
 
-def paths_beside(problem: ForcedProblem, y: np.ndarray, ends: np.ndarray, grazing: Grazing) -> list[tuple[np.ndarray, np.ndarray]]:
-    """An orbit without the neighbourhood of a flight without duration, or of the instant at which a contact force touches zero: up to
-    there, and from there. Arguments as of `beside_grazing`; its wraps is true."""
-    flight, count = grazing.flight, len(ends)
+def paths_beside(problem: ForcedProblem, y: np.ndarray, whole: Flights, grazing: Grazing) -> list[Flights]:
+    """The flights of an orbit without the neighbourhood of a flight without duration, or of the instant at which a contact force touches
+    zero: up to there, and from there. Arguments as of `beside_grazing`; its wraps is true."""
+    flight, count = grazing.flight, len(whole.times)
+    here = np.arange(count) == flight
     if grazing.kind in ("flight", "held"):
-        shown = np.array(y)
-        problem.flight_times(shown)[flight] = 0.0
-        return [_shortened(problem, shown, ends, (flight - 1) % count, (flight + 1) % count)]
-    time, duration = _least_force(problem, y, grazing)[2], float(problem.flight_times(y)[flight])
-    before, after = np.array(y), np.array(y)
-    problem.flight_times(before)[flight] = time
-    problem.flight_times(after)[flight] = duration - time
-    problem.nodes(after)[flight] = problem.flown(problem.nodes(y)[flight], time, flight)[0]
-    paths = [_shortened(problem, before, ends, flight, None), _shortened(problem, after, ends, None, flight)]
-    return [path for path in paths if problem.flight_times(path[0])[flight] > 0.0]
+        shown = whole._replace(times=np.where(here, 0.0, whole.times))
+        return [_shortened(problem, y, shown, (flight - 1) % count, (flight + 1) % count)]
+    time, duration = _least_force(problem, y, grazing)[2], float(whole.times[flight])
+    begins = whole.begins.copy()
+    state, fraction = problem.fly(problem.nodes(y)[flight], time, flight)
+    begins[flight] = *state, fraction
+    before = whole._replace(times=np.where(here, time, whole.times))
+    after = whole._replace(begins=begins, times=np.where(here, duration - time, whole.times))
+    paths = [_shortened(problem, y, before, flight, None), _shortened(problem, y, after, None, flight)]
+    return [path for path in paths if path.times[flight] > 0.0]
 
 
-def _shortened(
-    problem: ForcedProblem, y: np.ndarray, ends: np.ndarray, before: int | None, after: int | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """An orbit without the last part of the flight before an instant, and the first part of the flight after it."""
-    shown, ends = np.array(y), ends.copy()
-    times, nodes = problem.flight_times(shown), problem.nodes(shown)
-    short = _NEXT * float(np.sum(times))
+def _shortened(problem: ForcedProblem, y: np.ndarray, whole: Flights, before: int | None, after: int | None) -> Flights:
+    """The flights of an orbit without the last part of the one before an instant, and the first part of the one after it."""
+    begins, times, ends = (part.copy() for part in whole)
+    short, values = _NEXT * float(np.sum(times)), problem.released_values(y)
     if before is not None:
         times[before] -= short
-        ends[before] = problem.flown(nodes[before], float(times[before]), before)[0]
+        ends[before] = problem.fly(np.append(begins[before], values), float(times[before]), before)[0]
     if after is not None:
-        nodes[after] = problem.flown(nodes[after], short, after)[0]
+        state, fraction = problem.fly(np.append(begins[after], values), short, after)
+        begins[after] = *state, fraction
         times[after] -= short
-    return shown, ends
+    return Flights(begins, times, ends)
 
 
 def _least_force(problem: ForcedProblem, y: np.ndarray, grazing: Grazing) -> tuple[float, np.ndarray, float]:
     """The contact force of a stop at its minimum over a flight, its derivatives by the node where the flight begins, and its time; all NaN
     where no minimum is found."""
-    flight, arrays = grazing.flight, problem._table.arrays
-    mode = int(arrays.mode[flight])
+    flight = grazing.flight
     node, duration = problem.nodes(y)[flight], float(problem.flight_times(y)[flight])
 
-    def at(time: float) -> tuple[float, np.ndarray, np.ndarray, float]:
-        out, jacobian, rate = problem.flown(node, time, flight)
-        row = np.empty(problem.size)
-        value = contact_force(arrays, problem.segment.flight.loads, mode, grazing.stop, out, row)
-        return value, row, jacobian, float(row @ rate)
+    def at(time: float) -> tuple[float, np.ndarray, float]:
+        place = problem.flown(node, time, flight, grazing.stop)
+        return float(place.values[-1]), place.slopes[-1], float(place.rates[-1])
 
     if grazing.part is None:
-        value, row, _, _ = at(0.0)
-        return value, row, 0.0
+        value, slopes, _ = at(0.0)
+        return value, slopes, 0.0
     time, step = grazing.part * duration, _DIFFERENCE * duration
     seen = observed(problem, y)
     if int(seen["clearance_flight"]) == flight and int(seen["clearance_stop"]) == grazing.stop:
         time = float(seen["clearance_time"])
     for _ in range(_ROUNDS):
-        slope = at(time)[3]
-        bend = (at(time + step)[3] - at(time - step)[3]) / (2.0 * step)
+        slope = at(time)[2]
+        bend = (at(time + step)[2] - at(time - step)[2]) / (2.0 * step)
         change = -slope / bend if bend > 0.0 else math.nan
         time += change
         if not abs(change) > _AT_MINIMUM * duration:
@@ -273,6 +255,6 @@ def _least_force(problem: ForcedProblem, y: np.ndarray, grazing: Grazing) -> tup
     else:
         change = math.nan
     if not math.isfinite(change):
-        return math.nan, np.full(problem.size, math.nan), math.nan
-    value, row, jacobian, _ = at(time)
-    return value, row @ jacobian, time
+        return math.nan, np.full(len(node), math.nan), math.nan
+    value, slopes, _ = at(time)
+    return value, slopes, time

@@ -14,15 +14,15 @@ from scipy.linalg.lapack import dgesv
 from branches.curves.grazing import Grazing, beside_grazing, grazing_of, grazing_sizes, paths_beside, what_grazes
 from branches.curves.monitor import CurvePoint, Window, has_pair, meeting_of, pair_product, window_tests, window_values
 from branches.curves.plane import ParameterPlane, closing_block
-from bvp.forced import ForcedProblem
+from bvp.forced import Flights, ForcedProblem
 from bvp.kernels.extrema import TIE
-from bvp.kernels.multipoint import CLEARANCE, CLEARANCE_FLIGHT, CLEARANCE_TIME, FLIGHT, FLIGHT_INDEX, RESULT, SPEED, SPEED_NODE
 from bvp.multipoint import Solution
+from bvp.orbits import RESULT_INDEX
 from continuation.curves import Held, Linearised
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["SECOND_GRAZING", "GrazingMonitor", "enter_least", "second_grazing", "signed_smallest"]
+__all__ = ["FLIGHT", "SECOND_GRAZING", "SPEED", "GrazingMonitor", "enter_least", "second_grazing", "signed_smallest"]
 
 _SECOND = 1e-6
 """Largest clearance, speed and flight time, in units of arclength and of the period, of a second grazing at a located point."""
@@ -35,6 +35,11 @@ SECOND_GRAZING = (
     TestFunction("GR-GR", "guard", True, "the touch is degenerate: the acceleration of the gap vanishes there"),
 )
 """Guards of a curve of grazings: clearance, speed and flight time of all else, and the acceleration at the touch."""
+
+CLEARANCE = RESULT_INDEX["clearance"]
+SPEED = [RESULT_INDEX["speed"], RESULT_INDEX["speed_node"]]
+FLIGHT = [RESULT_INDEX["flight"], RESULT_INDEX["flight_index"]]
+"""Entries of a result: the least of something, and where it is."""
 
 _WORDS = {"SB": "symmetry breaking", "PD": "period doubling"}
 
@@ -59,7 +64,6 @@ class GrazingMonitor:
             TestFunction(f"{turned}-GR", "crossing", False, f"a {_WORDS[turned]} of the orbits with the impact meets the grazing"),
             TestFunction("NS-GR", "crossing", False, "a Neimark-Sacker bifurcation of the orbits with the impact meets the grazing"),
         )
-        self._shifted = closing_block(plane)
         self._single = None if grazing.repeats is None else _SingleTouch(plane.problem, grazing)
         # Multipliers are zero where all coordinates stick, and a flight without duration changes none: rounding would decide the signs.
         freedom = plane.problem.degrees_of_freedom
@@ -69,17 +73,16 @@ class GrazingMonitor:
 
     def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
-        y, problem = at.y, self.plane.problem
-        ends, along = problem._factor.before.copy(), np.concatenate([tangent[: y.size], np.zeros(y.size)])
-        others = self._others(y)
-        solution = Solution(y, along, self.plane.position(y), ends, others.result)
+        y, whole = at.y, self.plane.problem.flights(at.y)
+        along, others = np.concatenate([tangent[: y.size], np.zeros(y.size)]), self._others(y, whole)
+        solution = Solution(y, along, self.plane.position(y), whole.ends, others.result)
         fixed = at.extra * scale
-        shifted = self._shifted * scale
-        finite = finite_multipliers(fixed, shifted)
+        shifted = closing_block(self.plane, y) * scale
+        finite = finite_multipliers(fixed, shifted, self.plane.problem.has_clock)
         tests = [1.0, 1.0, 1.0]
         if not self._forgets:
             tests = [signed_smallest(fixed), signed_smallest(fixed - 2.0 * shifted), pair_product(finite.tolist())]
-        guards = [*others.result[[CLEARANCE, SPEED, FLIGHT]].tolist(), others.bend]
+        guards = [*others.result[[CLEARANCE, SPEED[0], FLIGHT[0]]].tolist(), others.bend]
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *tests]
         return values, CurvePoint(solution, finite, math.nan, math.nan)
 
@@ -99,44 +102,42 @@ class GrazingMonitor:
 
     def _observed(self, y: np.ndarray) -> tuple[_Others, Solution]:
         """All else at an orbit, and that as the solution of the curve's own problem."""
-        problem = self.plane.problem
-        problem.residual(y)
-        ends, others = problem._factor.before.copy(), self._others(y)
-        return others, Solution(y, np.zeros(2 * y.size), self.plane.position(y), ends, others.result)
+        whole = self.plane.problem.flights(y)
+        others = self._others(y, whole)
+        return others, Solution(y, np.zeros(2 * y.size), self.plane.position(y), whole.ends, others.result)
 
-    def _others(self, y: np.ndarray) -> _Others:
-        """See `_Others`. y: the orbit that was evaluated last."""
-        problem, grazing, flights = self.plane.problem, self.grazing, self.plane.problem.flight_times(y)
+    def _others(self, y: np.ndarray, whole: Flights) -> _Others:
+        """See `_Others`. whole: the flights of the orbit."""
+        problem, grazing, flights = self.plane.problem, self.grazing, whole.times
         speeds = np.full(len(flights), math.inf)  # releases have none
         hit = (problem.impacts - 1) % len(flights) if problem.sequence else problem.impacts[:0]
-        speeds[hit] = problem._approach()[hit]
+        speeds[hit] = problem.approach(whole.ends)[hit]
         if grazing.kind == "speed":
             speeds[grazing.flight] = math.inf
         elif grazing.kind == "held":
             speeds[:] = math.inf  # all impacts are at the touch
         if grazing.kind in ("flight", "held"):
             flights = np.where(np.arange(len(flights)) == grazing.flight, math.inf, flights)
-        found = self._clear(y)
-        enter_least(found.result, [SPEED, SPEED_NODE], speeds, range(len(speeds)))
-        enter_least(found.result, [FLIGHT, FLIGHT_INDEX], flights, range(len(flights)))
+        found = self._clear(y, whole)
+        enter_least(found.result, SPEED, speeds, range(len(speeds)))
+        enter_least(found.result, FLIGHT, flights, range(len(flights)))
         return found
 
-    def _clear(self, y: np.ndarray) -> _Others:
+    def _clear(self, y: np.ndarray, whole: Flights) -> _Others:
         """The orbit without the neighbourhood of what grazes."""
         problem, grazing, bend = self.plane.problem, self.grazing, 1.0
         if self._single is not None:
             problem, y = self._single.problem, self._single.unknowns(y)
-            problem.residual(y)
-        ends = problem._factor.before.copy()
+            whole = problem.flights(y)
         if grazing.kind == "speed":
             at = grazing.flight if self._single is None else problem.inner
-            shown, shown_ends, bend = beside_grazing(problem, y, ends, at, wraps=True)
-            paths = [(shown, shown_ends)]
+            shown, bend = beside_grazing(problem, y, whole, at, wraps=True)
+            paths = [shown]
         else:
-            paths = paths_beside(problem, y, ends, grazing)
-        nothing = np.full(len(RESULT), math.nan)
+            paths = paths_beside(problem, y, whole, grazing)
+        nothing = np.full(len(RESULT_INDEX), math.nan)
         nothing[CLEARANCE] = math.inf
-        seen = [_seen(problem, y, *path) for path in paths]
+        seen = [_seen(problem, y, whole, path) for path in paths]
         return _Others(problem, y, min(seen, key=lambda result: float(result[CLEARANCE]), default=nothing), bend)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
@@ -151,15 +152,13 @@ class GrazingMonitor:
         return EventDetails(test.code, test.terminal, {"stop": None, "note": test.label})
 
 
-def _seen(problem: ForcedProblem, y: np.ndarray, shown: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """What a part of an orbit shows: entries as of `bvp.kernels.multipoint.RESULT`, with times of the whole orbit y. shown, ends: the part,
-    as of `branches.curves.grazing.beside_grazing`."""
-    result = np.full(len(RESULT), math.nan)
-    problem._observe(shown, ends, result)
-    flight = int(result[CLEARANCE_FLIGHT])
+def _seen(problem: ForcedProblem, y: np.ndarray, whole: Flights, shown: Flights) -> np.ndarray:
+    """What a part of an orbit shows: entries as of `bvp.orbits.RESULT_INDEX`, with times of the whole orbit y. shown: the part."""
+    result = problem.observed(y, shown)
+    flight = int(result[RESULT_INDEX["clearance_flight"]])
     # A flight that begins later does so at the end of what is left out.
-    if not np.array_equal(problem.nodes(shown)[flight], problem.nodes(y)[flight]):
-        result[CLEARANCE_TIME] += (problem.flight_times(y) - problem.flight_times(shown))[flight]
+    if not np.array_equal(shown.begins[flight], whole.begins[flight]):
+        result[RESULT_INDEX["clearance_time"]] += (whole.times - shown.times)[flight]
     return result
 
 
@@ -181,7 +180,7 @@ def second_grazing(problem: ForcedProblem, solution: Solution) -> str:
 
 class _Others(NamedTuple):
     """What an orbit shows besides the grazing. problem, y: the orbit, in which the clearance is observed. result: entries as of
-    `bvp.kernels.multipoint.RESULT`; the speed and the flight are those of the curve's own problem. bend: the acceleration of the gap at a
+    `bvp.orbits.RESULT_INDEX`; the speed and the flight are those of the curve's own problem. bend: the acceleration of the gap at a
     touch, away from the stop."""
 
     problem: ForcedProblem
@@ -190,19 +189,19 @@ class _Others(NamedTuple):
     bend: float
 
 
-def finite_multipliers(matrix: np.ndarray, shifted: np.ndarray) -> np.ndarray:
-    """The multipliers of orbits that graze, (2 n,): those of the pencil, of which one has no bound and is NaN. matrix, shifted: B at
-    lambda = 1, and B1."""
-    rows, columns = np.nonzero(shifted)
-    found = np.full(len(rows) - len(rows) % 2, complex(math.nan, math.nan))
-    _, _, solved, singular = dgesv(matrix, shifted[:, columns])
+def finite_multipliers(matrix: np.ndarray, shifted: np.ndarray, has_clock: bool) -> np.ndarray:
+    """The finite multipliers of a pencil B + (lambda - 1) B1 of a grazing orbit, where one is infinite; filled up to (2 n,) with nan.
+    matrix, shifted: B at lambda = 1, and B1. Without a clock the section that the orbit starts from takes one more."""
+    rows = np.flatnonzero(np.any(shifted != 0.0, axis=1))
+    found = np.full(len(rows), complex(math.nan, math.nan))
+    _, _, solved, singular = dgesv(matrix, np.eye(len(matrix))[:, rows])
     if singular or not np.isfinite(solved).all():  # rounding can hide that the matrix is singular
         return found
     try:
-        values = core.eigenvalues(np.ascontiguousarray(solved[columns]))
+        values = core.eigenvalues(np.ascontiguousarray(shifted[rows] @ solved))
     except RuntimeError:
         return found
-    largest = sorted(values.tolist(), key=abs, reverse=True)[: len(rows) - 2]
+    largest = sorted(values.tolist(), key=abs, reverse=True)[: len(rows) - (1 if has_clock else 2)]
     kept = np.array(sorted(largest, key=lambda value: (value.real, value.imag)))
     found[: len(kept)] = 1.0 - 1.0 / kept
     return found
@@ -232,7 +231,8 @@ class _SingleTouch:
         """The orbit in the unknowns of that problem."""
         whole, n = self.whole, self.whole.degrees_of_freedom
         nodes, times = whole.nodes(y)[self.order].copy(), whole.flight_times(y)[self.order].copy()
-        nodes[self.order < self.first, : 2 * n] *= whole.segment.closing[0]
+        nodes[self.order < self.first, : 2 * n] *= whole.closing[0]
+        nodes[self.order < self.first, 2 * n] += whole.closing[1]
         times[-1] = float(np.sum(whole.flight_times(y))) / self.parts - float(np.sum(times[:-1]))
         fractions = nodes[:, 2 * n] * whole.load_periods / self.problem.load_periods
         return self.problem.pack(nodes[:, : 2 * n], fractions, nodes[0, 2 * n + 1 :], times)

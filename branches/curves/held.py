@@ -11,7 +11,6 @@ import numpy as np
 from branches.curves.grazing import Grazing
 from branches.curves.plane import ParameterPlane
 from branches.forced.closing import without_chatter
-from bvp.kernels.forced_sticking import contact_force
 from continuation.curves import Linearised
 
 __all__ = ["HeldSurface", "surface_of"]
@@ -45,37 +44,35 @@ class HeldSurface(ParameterPlane):
         """See `continuation.curves.Surface`."""
         at, problem = super().linearised(y), self.problem
         residual, rows = at.residual.copy(), at.jacobian  # a view of all rows
-        width, n = problem.size, problem.degrees_of_freedom
-        state = 2 * n + 1
-        first, gap = width + 1, width + 1 + state
-        before, after = problem.nodes(y)[1], problem.nodes(y)[0]
+        size, n = problem.size, problem.degrees_of_freedom
+        state = np.arange(size)
+        first, gap = size + 1, 2 * size + 1
+        after, before = problem.states(y)  # behind the impact, and behind the release
         stopped, place = rows[gap].copy(), residual[gap]
         # Without duration of the second flight its ends are the same state, a period apart.
         rows[first : gap + 1] = 0.0
-        rows[first:gap, first:gap], rows[first:gap, :state] = np.eye(state), -np.eye(state)
-        residual[first:gap] = before[:state] - after[:state]
-        residual[gap - 1] -= problem.segment.closing[1]
+        rows[first + state, first + 1 + state], rows[first + state, 1 + state] = 1.0, -1.0
+        residual[first:gap] = before - after
         # The first flight keeps the gap and its rate: they are those of the stop.
-        c = problem.segment.gap[1, :n]
+        c = problem.gap[1, :n]
         kept = first + int(np.argmax(np.abs(c)))
         rows[kept], residual[kept] = stopped, place
         rows[kept + n] = 0.0
-        rows[kept + n, n : 2 * n], residual[kept + n] = c, c @ after[n : 2 * n]
-        residual[gap], rows[gap, first : first + width] = self._rate(before, problem.period(y))
+        rows[kept + n, 1 + n : 1 + size], residual[kept + n] = c, c @ after[n:]
+        residual[gap], slopes = self._rate(problem.nodes(y)[1], problem.period(y))
+        rows[gap] = 0.0
+        rows[gap, first + 1 : first + 1 + size], rows[gap, first] = slopes[:size], slopes[size]
+        rows[gap, problem.place :] = slopes[size + 1 :]
         return at._replace(residual=residual)
 
     def _rate(self, node: np.ndarray, period: float) -> tuple[float, np.ndarray]:
-        """The rate of the contact force at a node of the first flight, and its derivatives by the node (N,)."""
-        problem = self.problem
-        loads, arrays, step = problem.segment.flight.loads, problem._table.arrays, _STEP * period
-        mode = int(arrays.mode[0])
+        """The rate of the contact force at a node of the first flight, and its derivatives by the node."""
+        step = _STEP * period
 
         def force(time: float) -> tuple[np.ndarray, float]:
-            """Derivatives by the node (N,), and by the time."""
-            out, jacobian, rate = problem.flown(node, time, 0)
-            row = np.empty(problem.size)
-            contact_force(arrays, loads, mode, self._stop, out, row)
-            return row @ jacobian, float(row @ rate)
+            """Derivatives by the node, and by the time."""
+            place = self.problem.flown(node, time, 0, self._stop)
+            return place.slopes[-1], float(place.rates[-1])
 
         far, near, ahead, beyond = (force(k * step)[0] for k in (-2, -1, 1, 2))
         return force(0.0)[1], (far - 8.0 * near + 8.0 * ahead - beyond) / (12.0 * step)

@@ -9,15 +9,14 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
+import saltus_core as core
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.curves.plane import ParameterPlane
 from branches.forced.family import ForcedFamily
 from branches.forced.primitive import apart_from_image, image_sign
-from bvp.criticality import CriticalOrbit, NormalForms
+from bvp.criticality import NormalForms
 from bvp.forced import ForcedProblem
-from bvp.kernels.multipoint import RESULT
-from bvp.kernels.stroboscopic import bounded_product
 from bvp.multipoint import Solution
 from continuation.curves import Held, Linearised, Null
 from continuation.location import Location
@@ -105,7 +104,6 @@ class BifurcationMonitor:
 
     def __init__(self, plane: ParameterPlane, code: str, window: Window):
         self.plane, self.code, self.window = plane, code, window
-        self._no_step = np.zeros(2 * plane.size), np.zeros(plane.problem.size)  # an orbit is seen as it stands
         self._forms = NormalForms(plane.problem)
         # Of a free period one multiplier is 1 for all orbits.
         self._trivial = () if plane.problem.has_clock else (1.0,)
@@ -122,11 +120,7 @@ class BifurcationMonitor:
     def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         problem, null = self.plane.problem, held.extra
-        result = np.full(len(RESULT), math.nan)
-        ends = problem._factor.before.copy()
-        problem._observe(at.y, ends, result)
-        solution = Solution(at.y, *self._no_step, ends, result)
-        multipliers = problem.multipliers(at.y, evaluated=True)
+        solution, multipliers = problem.as_it_is(at.y), problem.multipliers(at.y)
         guards = [solution["clearance"], solution["speed"], solution["flight"]]
         cosine = float(own[0]) if len(own) else math.nan
         found: list[float]
@@ -145,7 +139,7 @@ class BifurcationMonitor:
             others = _rest_tests(_without(multipliers, (*self._trivial, 1.0 if self.code == "SN" else -1.0)))
             found = [double, others[1 if self.code == "SN" else 0], others[2]]
             if self.code == "SN":
-                bend = fold_coefficient(null, scale, self.plane.scales(at.y, evaluated=True))
+                bend = fold_coefficient(null, scale, self.plane.scales(at.y))
                 found.insert(0, bend)
                 coefficient = abs(bend)
             else:
@@ -161,13 +155,11 @@ class BifurcationMonitor:
     def _coefficient(self, at: Linearised, null: Null, scale: np.ndarray, multiplier: complex) -> float:
         """The cubic coefficient of the normal form; nan where rounding decides its sign."""
         m = len(null.shifted)
-        right, left, bend = null.right[:m, 0], null.left[:m, 0], null.along[:m]
+        right, left = null.right[:m, 0], null.left[:m, 0]
         if self.code == "NS":
             # The null vectors of the pair's companion form, of which each of the two multipliers is a combination.
-            right, bend = right - multiplier * null.right[m:, 0], bend - multiplier * null.along[m:]
-            left = left + multiplier * null.left[m:, 0]
-        orbit = CriticalOrbit(null.y, at.jacobian, scale, right * scale, left, bend)
-        value, error = self._forms.cubic(orbit, self.code, multiplier)
+            right, left = right - multiplier * null.right[m:, 0], left + multiplier * null.left[m:, 0]
+        value, error = self._forms.cubic_of_pencil(null.y, right * scale, left, self.code, multiplier)
         return value if abs(value) > error else math.nan
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
@@ -245,8 +237,9 @@ def _rest_tests(rest: Sequence[complex]) -> list[float]:
 
 
 def _product(factors: Sequence[complex]) -> float:
-    """See `bvp.kernels.stroboscopic.bounded_product`."""
-    return float(bounded_product(np.array(factors, dtype=complex), np.empty(5, dtype=complex)))
+    """A number between -1 and 1 with the sign and the zeros of a product: see `bvp/core/stroboscopic.hpp`."""
+    whole = np.array(factors, dtype=complex)
+    return float(core.bounded_product(np.ascontiguousarray(whole.real), np.ascontiguousarray(whole.imag)))
 
 
 def pair_product(multipliers: Sequence[complex]) -> float:

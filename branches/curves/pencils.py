@@ -6,28 +6,68 @@ The multipoint problem is linearised with its closing block multiplied by lambda
 
 Of half a period the closing block belongs to N = -(map over T/2). There SN is 1 of N, and SB is -1 of N.
 
+The closing block multiplies the first node where it ends the orbit: its state, and its time. The derivative by the time depends on the
+orbit. A matrix times V is the derivative of the equations of an open orbit, whose end is at a time of its own, along V with the time lambda
+times that of the begin.
+
 The matrices of free orbits have rows of other conditions at their ends, too: see `branches.curves.free`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from branches.curves.kernels import OTHER, OWN, free_energy
 from branches.curves.plane import ParameterPlane, closing_block
 from bvp.forced import ForcedProblem
 from continuation.curves import Linearised, SingularCondition
 
-__all__ = ["MULTIPLIERS", "NONE_FREED", "MatrixRows", "RowsCondition", "forced_condition", "whole_rows"]
+__all__ = [
+    "CONSTANT", "MULTIPLIERS", "NONE_FREED", "OTHER", "OWN", "Freed", "MatrixRows", "RowsCondition", "forced_condition", "whole_rows",
+]  # fmt: skip
 
 MULTIPLIERS = {"SN": 1.0, "PD": -1.0, "SB": -1.0, "NS": None}
 """lambda of each kind of bifurcation; None: a pair on the unit circle."""
 
+OWN, OTHER, CONSTANT = range(3)
+"""Where a row of a singular matrix is from: the derivatives of the equations of the orbit, those of the other conditions, a constant."""
 
-NONE_FREED = np.full((4, 2), -1)
+
+class Freed(NamedTuple):
+    """How a perturbation that is antisymmetric about both ends can change its energy, and what excludes a shift in time.
+
+    column: the unknown that is used for it, which is no part of the perturbation; -1: there is none. ends: of each end its first row, and
+    the part of the state that is not zero there, or -1 at a stop; None: its energy is not changed. shift: the row that excludes a shift,
+    that part of the start, and the part that is zero there; None: a constant row does."""
+
+    column: int
+    ends: tuple[tuple[int, int] | None, tuple[int, int] | None]
+    shift: tuple[int, int, int] | None
+
+    def write(self, problem: ForcedProblem, y: np.ndarray, matrix: np.ndarray) -> None:
+        """Write this into a matrix (u, u) of an orbit."""
+        if self.column < 0:
+            return
+        n, start = problem.degrees_of_freedom, problem.states(y)[0]
+        matrix[:, self.column] = 0.0
+        for end, place in enumerate(self.ends):
+            if place is None:
+                continue
+            (row, part), state = place, start if end == 0 else problem.end_states(y)[-1]
+            if part >= 0:
+                matrix[row : row + n, self.column] = state[part : part + n]
+            else:
+                speed = float(problem.gap[problem.inner + 1 - end, :n] @ state[n:])
+                matrix[row, self.column] = speed if end == 0 else -speed
+        if self.shift is not None:
+            row, part, turned = self.shift
+            mass = problem.parametric.entries(problem.parameters(y))[problem.parametric.layout.mass].reshape(n, n)
+            matrix[row] = 0.0
+            matrix[row, 1 + turned : 1 + turned + n] = mass @ start[part : part + n]
+
+
+NONE_FREED = Freed(-1, (None, None), None)
 """Of a matrix in which the energy is not freed."""
 
 
@@ -36,22 +76,21 @@ class MatrixRows(NamedTuple):
 
     source : (u, 2) int64 for each row OWN, OTHER or CONSTANT, and which row there
     constant : (u, u) the constant rows, else zeros
-    shifted : (u, u) the closing block
+    closes : whether there is a closing block
     other : the problem with the other conditions, linearised at the same unknowns; None: there is none
-    freed : (4, 2) int64: see `branches.curves.kernels.free_energy`
+    freed : what the column and the row are that free the energy
     """
 
     source: np.ndarray
     constant: np.ndarray
-    shifted: np.ndarray
+    closes: bool
     other: ForcedProblem | None = None
-    freed: np.ndarray = NONE_FREED
+    freed: Freed = NONE_FREED
 
     def matrix(self, problem: ForcedProblem, at: Linearised, other: np.ndarray | None) -> np.ndarray:
         """The matrix with lambda = 1, from the derivatives of the equations and of the two parameters, and the other ones."""
         found = self._filled(self.constant.copy(), at.extra, other)
-        if self.other is not None:
-            free_energy(self.freed, problem.segment, at.y, self.other._factor.before, found)
+        self.freed.write(problem, at.y, found)
         return found
 
     def slopes(self, own: np.ndarray, other: np.ndarray | None) -> np.ndarray:
@@ -67,39 +106,50 @@ class MatrixRows(NamedTuple):
         return found
 
 
-def whole_rows(plane: ParameterPlane, shifted: np.ndarray) -> MatrixRows:
+def whole_rows(plane: ParameterPlane, closes: bool) -> MatrixRows:
     """All rows of the equations, and of the two parameters."""
     rows = np.arange(plane.size)
-    return MatrixRows(np.column_stack([np.full_like(rows, OWN), rows]), np.zeros((plane.size, plane.size)), shifted)
+    return MatrixRows(np.column_stack([np.full_like(rows, OWN), rows]), np.zeros((plane.size, plane.size)), closes)
 
 
 class RowsCondition(SingularCondition):
-    """A matrix of such rows that is singular at a multiplier (None: at a pair). refined: whether test functions take its derivatives, which
-    are exact then."""
+    """A matrix of such rows that is singular at a multiplier (None: at a pair)."""
 
-    def __init__(self, plane: ParameterPlane, rows: MatrixRows, multiplier: float | None, refined: bool = True):
+    def __init__(self, plane: ParameterPlane, rows: MatrixRows, multiplier: float | None):
         self.plane, self.rows = plane, rows
-        exact = not refined or plane.problem.curvature.is_compiled
-        super().__init__(self._parts, self._quick_slopes, multiplier, None if exact else self.slopes)
+        super().__init__(self._parts, self._slopes, multiplier)
 
     def _parts(self, at: Linearised) -> tuple[np.ndarray, np.ndarray]:
-        rows = self.rows
+        rows, plane = self.rows, self.plane
         other = None if rows.other is None else rows.other.jacobian(at.y)
-        return rows.matrix(self.plane.problem, at, other) - rows.shifted, rows.shifted
+        shifted = closing_block(plane, at.y) if rows.closes else np.zeros((plane.size, plane.size))
+        return rows.matrix(plane.problem, at, other) - shifted, shifted
 
-    def slopes(self, y: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """The derivatives of the matrix times a direction, (u, u)."""
-        return self._from_parts(lambda problem: problem.curvature.second_along(y, direction))
+    def _slopes(self, at: Linearised, parts: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """See `continuation.curves.SingularCondition`."""
+        if self.multiplier is not None:
+            return self._along(at.y, parts[0], self.multiplier * parts[0, 0])
+        first, second = parts
+        return np.vstack([self._along(at.y, first, second[0]), self._along(at.y, second, 2.0 * own[0] * second[0] - first[0])])
 
-    def _quick_slopes(self, at: Linearised, direction: np.ndarray) -> np.ndarray:
-        return self._from_parts(lambda problem: problem.curvature.slopes_along(at.y, direction))
-
-    def _from_parts(self, along: Callable[[ForcedProblem], np.ndarray]) -> np.ndarray:
-        own, second, other = np.zeros((self.plane.size, self.plane.size)), along(self.plane.problem), self.rows.other
+    def _along(self, y: np.ndarray, direction: np.ndarray, at_end: float) -> np.ndarray:
+        """The derivatives of a row of blocks times a direction, (u, u). at_end: what the time at the end of the orbit changes by."""
+        plane, rows = self.plane, self.rows
+        if rows.freed.column >= 0:
+            direction = direction.copy()
+            direction[rows.freed.column] = 0.0
+        own, size = np.zeros((plane.size, plane.size)), plane.size
+        curvature = plane.problem.curvature
+        if rows.closes and plane.problem.has_clock:
+            second = curvature.open_second(y, np.append(direction, at_end))[:-1]
+            second[:, 0] += second[:, -1]
+            second = second[:, :size]
+        else:
+            second = curvature.second_along(y, direction)
         own[:-2], own[-1] = second[:-1], second[-1]
-        return self.rows.slopes(own, None if other is None else along(other))
+        return rows.slopes(own, None if rows.other is None else rows.other.curvature.second_along(y, direction))
 
 
 def forced_condition(plane: ParameterPlane, code: str) -> RowsCondition:
     """The condition of a bifurcation of orbits that close after a period, or half of it."""
-    return RowsCondition(plane, whole_rows(plane, closing_block(plane)), MULTIPLIERS[code])
+    return RowsCondition(plane, whole_rows(plane, True), MULTIPLIERS[code])

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bvp.description import RESERVED
-from bvp.forced import ForcedProblem, dense_jacobian
+from bvp.forced import ForcedProblem
 from bvp.forced_metric import position_slopes
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised
@@ -46,7 +46,7 @@ class ParameterPlane:
         self.problem, self.names = problem, names
         self.size = problem.unknowns
         self._kept_value = float(problem.keep[-1].partition("=")[2])
-        self.place = 2 * problem.degrees_of_freedom + 1 + problem.released.index(names[0])
+        self.place = problem.place + problem.released.index(names[0])
         known = problem.parametric.names
         problem.locate_domains([name for name in names if name in problem.released])
         self.domains = tuple(problem.parametric.domain(name) if name in known else (0.0, math.inf) for name in names)
@@ -56,7 +56,7 @@ class ParameterPlane:
         problem = self.problem
         residual = problem.residual(y)
         rows = np.empty((self.size, self.size))
-        rows[:-1] = dense_jacobian(problem._factor, problem.size + 1)
+        rows[:-1] = problem.jacobian(y)
         rows[-1] = rows[-2]
         rows[-2] = 0.0
         rows[-2, self.place] = 1.0
@@ -68,13 +68,13 @@ class ParameterPlane:
 
     def parameters_at(self, y: np.ndarray) -> np.ndarray:
         """The two parameters at the unknowns y."""
-        first, released = 2 * self.problem.degrees_of_freedom + 1, self.problem.released
+        first, released = self.problem.place, self.problem.released
         places = [first + released.index(name) for name in self.names if name in released]
         return y[places] if len(places) == 2 else self.linearised(y).parameters
 
     def worst(self, at: Linearised) -> float:
         """See `continuation.curves.Surface`."""
-        return float(np.abs(at.residual / self.problem.scales(at.y, evaluated=True)[: len(at.residual)]).max())
+        return float(np.abs(at.residual / self.problem.scales(at.y)[: len(at.residual)]).max())
 
     def position(self, y: np.ndarray) -> np.ndarray:
         """The first node in the coordinates of arclength."""
@@ -82,15 +82,13 @@ class ParameterPlane:
 
     def directions(self, y: np.ndarray) -> np.ndarray:
         """Derivatives of the position, (N + 1, u)."""
-        return position_slopes(self.problem.segment.scale, 2 * self.problem.degrees_of_freedom, y)
+        return position_slopes(self.problem, y)
 
-    def scales(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
-        """See `continuation.curves.Surface`. All impacts of an orbit can be at the origin, at rest to rounding. evaluated: y is the orbit
-        that was evaluated last."""
+    def scales(self, y: np.ndarray) -> np.ndarray:
+        """See `continuation.curves.Surface`. All impacts of an orbit can be at the origin, at rest to rounding."""
         problem = self.problem
-        found, width = problem.scales(y, evaluated=evaluated), problem.size + 1
-        states = found[: (problem.inner + 1) * width].reshape(-1, width)[:, : 2 * problem.degrees_of_freedom]
-        np.maximum(states, LEAST * problem.segment.scale[: states.shape[1]], out=states)
+        found = problem.scales(y)
+        np.maximum(problem.states(found), LEAST * problem.units[: problem.size], out=problem.states(found))
         found[found == 0.0] = 1.0
         return found
 
@@ -150,18 +148,16 @@ def plane_of(problem: ForcedProblem, y: np.ndarray, names: Sequence[str], keep: 
             problem.parametric, problem.sequence, released, load_periods=problem.load_periods, half=problem.half, values=values, keep=kept,
             pieces=problem.pieces,
         )  # fmt: skip
-    size = 2 * problem.degrees_of_freedom
-    nodes = problem.nodes(y)
-    unknowns = made.pack(nodes[:, :size], nodes[:, size], [values[name] for name in released], problem.flight_times(y))
+    unknowns = np.append(y[: problem.place], [values[name] for name in released])
     return ParameterPlane(made, (first, second)), unknowns
 
 
-def closing_block(plane: ParameterPlane) -> np.ndarray:
-    """What lambda multiplies, (u, u): the first node, state and time, in the equations that close the orbit."""
+def closing_block(plane: ParameterPlane, y: np.ndarray) -> np.ndarray:
+    """What lambda multiplies, (u, u): the first node, state and time, where it ends the orbit y."""
     problem = plane.problem
     found = np.zeros((plane.size, plane.size))
-    first, states = problem.inner * (problem.size + 1), 2 * problem.degrees_of_freedom
-    sign, part = problem.segment.closing
-    for e in range(states + (part != 0.0)):
-        found[first + e, e] = -sign if e < states else -1.0
+    first, states = problem.inner * (problem.size + 1), np.arange(problem.size)
+    found[first + states, 1 + states] = -problem.closing[0]
+    if problem.has_clock:
+        found[:-2, 0] += problem.curvature.by_end(y)[:-1]
     return found

@@ -16,7 +16,6 @@ from branches.curves.held import surface_of
 from branches.curves.monitor import BifurcationMonitor, Window
 from branches.curves.pencils import forced_condition
 from branches.curves.plane import ParameterPlane, plane_of
-from branches.curves.steps import curve_of
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.primitive import primitive_orbit
 from bvp.forced import ForcedProblem
@@ -65,8 +64,8 @@ def curve_problem(plane: ParameterPlane, code: str, kind: FreeKind | Grazing | N
     grazing = kind if isinstance(kind, Grazing) else None
     if grazing is not None:
         plane = surface_of(plane, grazing, y)
-        return curve_of(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window), grazing)
-    return curve_of(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
+        return Curve(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window))
+    return Curve(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
 
 
 def is_inside(curve: Curve, step: Step) -> bool:

@@ -139,7 +139,7 @@ def _grazing_through(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Cur
                 problem, unknowns, grazing = grazing_at(single.problem, observed(single.problem, single.y))
         else:
             solution = observed(plane.problem, y)
-            unit, lasting = plane.problem.segment.scale, plane.problem.duration(solution)
+            unit, lasting = plane.problem.units, plane.problem.duration(solution)
             clear = min(abs(solution["clearance"]) / unit[0], abs(solution["speed"]) / unit[n], abs(solution["flight"]) / lasting)
             if not clear < _NEAR:
                 raise NoCurve("no grazing is there; expected an event whose type ends with GR")

@@ -11,7 +11,6 @@ import numpy as np
 from bvp.forced import ForcedProblem
 from bvp.multipoint import lost_digits
 from bvp.released import ReleasedProblem
-from bvp.smooth_flights import why_not_flown
 from continuation.problem import Point
 
 __all__ = ["AlongParameters", "parameter_bounds", "unbounded"]
@@ -58,7 +57,7 @@ class AlongParameters:
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the value of the parameter; why the system cannot have the next one, or why a flight cannot be computed."""
         name, problem = self.problem.released[0], self.problem
-        why = self.violation(y, tangent, ds) or why_not_flown(problem.segment.flight) or lost_digits(problem, y)
+        why = self.violation(y, tangent, ds) or lost_digits(problem, y)
         return f"at {name} = {self.problem.parameters(y)[name]:.6g}" + (f": {why}" if why else "")
 
     def violation(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str | None:

@@ -169,7 +169,7 @@ class ForcedBranch:
     @cached_property
     def parameter(self) -> np.ndarray:
         """Its values, (N,)."""
-        return self.unknowns[:, 2 * self.problem.degrees_of_freedom + 1].copy()
+        return self.unknowns[:, self.problem.place].copy()
 
     @cached_property
     def periods(self) -> np.ndarray:
@@ -223,8 +223,8 @@ class ForcedBranch:
             # The node is the end of the chatter. Its first bounce is where the flight before it ends.
             times = np.array([problem.flight_times(y) for y in self.unknowns])
             begun = np.roll(fractions + times / self.periods[:, None], 1, axis=1)
-            begun[:, 0] -= problem.segment.closing[1]
-            summed = np.roll(problem.contact_modes.arrays.chatter.summed[: fractions.shape[1]], 1)
+            begun[:, 0] -= problem.closing[1]
+            summed = np.roll(problem.contact_modes.summed[: fractions.shape[1]], 1)
             fractions = np.where(summed == 1, begun, fractions)
         return 2.0 * math.pi * problem.load_periods * wrapped(fractions[:, nodes] + added)
 

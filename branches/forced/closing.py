@@ -98,7 +98,7 @@ def without_chatter(problem: ForcedProblem, y: np.ndarray) -> ForcedProblem:
     if moment is None:
         return problem
     made = problem.sibling(problem.sequence)
-    summed, count = made.segment.sticking.chatter.summed, len(problem.events)
+    summed, count = made.contact_modes.summed, len(problem.events)
     for k in range(moment.length):
         summed[(moment.begin + k - 1) % count] = 0
     return made
@@ -218,7 +218,7 @@ def _exact_end(family: ForcedFamily, near: Step, part: float) -> tuple[Step, dic
     else:
         note = f"the impacts at stop {letter} before it sticks vanish: their speed reaches zero"
     residual = float(np.abs(problem.residual(y)).max())
-    value = float(y[2 * problem.degrees_of_freedom + 1])
+    value = float(y[problem.place])
     # The flight that vanishes changes nothing to first order: multipliers are those without it, or close to those next to the end.
     made = without_moment(problem, y)
     multipliers = problem.period_multipliers(near.y) if made is None else made[0].period_multipliers(made[1])
@@ -235,13 +235,13 @@ def _touching_orbit(problem: ForcedProblem, y: np.ndarray) -> np.ndarray | None:
     if made is None:
         return None
     narrow, guess, moment = made
-    place, flight = 2 * problem.degrees_of_freedom + 1, moment.begin - moment.opens
+    flight = moment.begin - moment.opens
     stop = int(problem.modes.contact_stop[moment.contact])
     last: list[Solution] = []
 
     def force(value: float) -> float:
         begun = (last[-1].y if last else guess).copy()
-        narrow.nodes(begun)[:, place] = value
+        begun[narrow.place] = value
         last.append(narrow.solve(begun))
         found = force_event(narrow, last[-1])
         wanted = int(last[-1]["clearance_flight"]) == flight and int(last[-1]["clearance_stop"]) == stop
@@ -250,7 +250,7 @@ def _touching_orbit(problem: ForcedProblem, y: np.ndarray) -> np.ndarray | None:
         return last[-1]["clearance"]
 
     try:
-        _zero(force, float(y[place]), problem.segment.scale[place])
+        _zero(force, float(y[problem.place]), problem.units[problem.size + 1])
     except NotConverged:
         return None
     found, at, count = last[-1].y, float(last[-1]["clearance_time"]), moment.length
@@ -269,7 +269,7 @@ def _touching_orbit(problem: ForcedProblem, y: np.ndarray) -> np.ndarray | None:
 
 def _begun_as(problem: ForcedProblem, near: np.ndarray, rows: np.ndarray, times: np.ndarray, parameters: dict[str, float]) -> np.ndarray:
     """An orbit, begun at any of its nodes, in the unknowns of a problem whose orbit `near` is its neighbour. rows: states and times."""
-    values, (sign, part) = [parameters[name] for name in problem.released], problem.segment.closing
+    values, (sign, part) = [parameters[name] for name in problem.released], problem.closing
     size, count, here = 2 * problem.degrees_of_freedom, len(times), problem.position(near)
     found: list[tuple[float, np.ndarray]] = []
     for turn in range(count * (2 if problem.half else 1)):
@@ -280,7 +280,7 @@ def _begun_as(problem: ForcedProblem, near: np.ndarray, rows: np.ndarray, times:
             later_ones[:, :size] *= sign
             later_ones[:, size] += part
         if problem.has_clock:
-            begun[:, size] += round(near[size] - begun[0, size])
+            begun[:, size] += round(problem.instants(near)[0] - begun[0, size])
         y = problem.pack(begun[:, :size], begun[:, size], values, lasting)
         distance = np.abs(problem.position(y) - here).max() + np.abs(lasting - problem.flight_times(near)).max()
         found.append((float(distance), y))
@@ -291,7 +291,7 @@ def _held_orbit(problem: ForcedProblem, y: np.ndarray, moment: _Moment) -> np.nd
     """The end of the family near y, as an orbit of the problem: there the stop sticks for the whole period, and its force touches zero."""
     if len(problem.released) > 1 or not problem.has_clock:
         return None
-    place, size = 2 * problem.degrees_of_freedom + 1, 2 * problem.degrees_of_freedom
+    size, count = 2 * problem.degrees_of_freedom, len(problem.events)
     stop, side = int(problem.modes.contact_stop[moment.contact]), float(problem.modes.contacts.side[moment.contact])
     phase = 2.0 * math.pi * problem.load_periods * float(problem.nodes(y)[moment.begin, size])
     held: list[tuple[np.ndarray, float]] = []
@@ -302,16 +302,15 @@ def _held_orbit(problem: ForcedProblem, y: np.ndarray, moment: _Moment) -> np.nd
         return held[-1][1]
 
     try:
-        value = _zero(force, float(y[place]), problem.segment.scale[place])
+        value = _zero(force, float(y[problem.place]), problem.units[problem.size + 1])
     except (NotConverged, ValueError, np.linalg.LinAlgError):
         return None
     *state, angle = held[-1][0].tolist()
-    fractions = np.full(len(problem.events), angle / (2.0 * math.pi * problem.load_periods))
+    fractions, times, begun = np.full(count, angle / (2.0 * math.pi * problem.load_periods)), np.zeros(count), y.copy()
     fractions[: moment.begin] -= 1.0
-    times = np.zeros(len(fractions))
-    found = problem.pack(np.tile(at_rest(problem, np.array(state), stop), (len(fractions), 1)), fractions, [value], times)
-    problem.flight_times(found)[(moment.begin + moment.length - 1) % len(fractions)] = problem.period(found)
-    return found
+    begun[problem.place] = value
+    times[(moment.begin + moment.length - 1) % count] = problem.period(begun)
+    return problem.pack(np.tile(at_rest(problem, np.array(state), stop), (count, 1)), fractions, [value], times)
 
 
 def _held(problem: ForcedProblem, at: dict[str, float], stop: int, side: float, phase: float) -> tuple[np.ndarray, float]:

@@ -1,6 +1,6 @@
 """A family of orbits under periodic loads as a problem of the continuation engine: test functions, and the classification of events.
 
-The test functions are those of the stroboscopic map M (`bvp.kernels.stroboscopic`): det(M + 1), and the product of 1 - mu_i mu_j over the
+The test functions are those of the stroboscopic map M (`bvp/core/stroboscopic.hpp`): det(M + 1), and the product of 1 - mu_i mu_j over the
 pairs of its multipliers, which vanishes at a Neimark-Sacker bifurcation. Both are bounded, and continuous at a grazing.
 """
 
@@ -16,22 +16,17 @@ import numpy as np
 from branches.admissible import GRAZING, describe_grazing
 from branches.first_orbits import is_denied
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
-from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests, narrow_forced_bracket
 from branches.forced.primitive import SAME, apart_from_image, full_period, half_later, image_sign, later_sign, twice
 from branches.forced.resequencing import is_unordered
 from branches.forced.resonance import RESONANCE, resonances_around
-from branches.kernels.blocks import WatchedTests
 from branches.kernels.functions import is_orbit
 from branches.released.family import ReleasedFamily
 from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
-from branches.steps import KernelSteps
+from branches.steps import CoreSteps
 from bvp.forced import ForcedProblem
-from bvp.kernels.multipoint import RESULT
-from bvp.kernels.stroboscopic import make_stroboscopic
 from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 from bvp.system import ImpactSystem
-from continuation.control import kinds_of
 from continuation.images import Symmetry
 from continuation.location import Location
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
@@ -97,25 +92,17 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         self.advance: Callable[..., Advance] | None = self._advance
 
     @cached_property
-    def _work(self) -> ForcedWork:
+    def neutral(self) -> bool:
+        """Whether the product of two multipliers is 1 by their equations: without losses they are reciprocal pairs, and without impacts
+        those of an undamped mode stay so. Then signs are rounding."""
         problem = self.problem
-        # Without losses the multipliers are reciprocal pairs, and without impacts those of an undamped mode stay so: signs are rounding.
         linear = not problem.sequence and not problem.is_smooth
-        neutral = problem.system.is_conservative or (linear and _has_neutral_mode(problem.system))
-        return ForcedWork(problem._factor.flights, make_stroboscopic(problem.segment), np.array(self.interval), int(neutral))
+        return problem.system.is_conservative or (linear and _has_neutral_mode(problem.system))
 
     @cached_property
-    def _watched(self) -> WatchedTests:
-        """The test functions, for its kernels."""
-        problem, targets, result = self.problem, np.array(self.values, dtype=float), np.empty(len(RESULT))
-        arguments = problem.segment, np.empty(problem.unknowns), problem._factor.before, self._work, result, targets, result
-        singular = np.array([test.singular for test in self.tests])
-        address = forced_tests.entry(*arguments).address
-        return WatchedTests(np.array(kinds_of(self.tests)), singular, targets, address, self._work)
-
-    @cached_property
-    def _steps(self) -> KernelSteps:
-        return KernelSteps(self.problem, self._watched, self.problem.compiled(), advance_forced_block, narrow_forced_bracket)
+    def _steps(self) -> CoreSteps:
+        limits = (*self.interval, math.inf, 0.0)
+        return CoreSteps(self.problem, self.tests, limits, self.values, self._computed, self.neutral)
 
     def symmetries(self, y: np.ndarray) -> list[Symmetry]:
         """See `continuation.Problem`: the same orbit half a period later, or its mirror image there, where its impacts are the same."""
@@ -129,13 +116,7 @@ class ForcedFamily(AlongParameters, SolvedFamily):
     def _step(self, solution: Solution | None) -> Step:
         if solution is None or not is_orbit(solution.result):
             return FAILED
-        out = np.empty(self._computed)
-        forced_tests(self.problem.segment, solution.y, solution.ends, self._work, solution.result, self._watched.targets, out)
-        return step_of(solution, solution.result.tolist(), out.tolist())
-
-    def _tried(self, solution: Solution, tests: np.ndarray) -> Step:
-        # The flights can be those of a later step: the first ones of a run are judged together.
-        return step_of(solution, solution.result.tolist(), tests.tolist()) if is_orbit(solution.result) else FAILED
+        return step_of(solution, solution.result.tolist(), self._steps.values(solution))
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is, in the terms of the record."""
@@ -175,7 +156,7 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         names = f"stops {stops[0].name} and {stops[1].name}"
         if is_unordered(problem, flight):
             speeds = problem.impact_speeds(solution.y)[[flight, flight - problem.inner]]
-            if np.abs(speeds).max() <= SAME * problem.segment.scale[problem.degrees_of_freedom]:  # both vanish, and meet there
+            if np.abs(speeds).max() <= SAME * problem.units[problem.degrees_of_freedom]:  # both vanish, and meet there
                 return EventDetails("GR", True, data | describe_grazing(problem, solution, "vanishes"))
             return EventDetails("LB", True, data | {"note": f"impacts at {names} exchange their order; the family continues"})
         return EventDetails("EP", True, data | {"note": f"{names} are hit at once and interact: restitution does not define what follows"})

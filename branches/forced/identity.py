@@ -95,7 +95,7 @@ def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
     each half period of the loads."""
     if isinstance(problem, ReleasedProblem):
         return free_invariants(problem, y)
-    value = float(y[2 * problem.degrees_of_freedom + 1])
+    value = float(y[problem.place])
     nodes = problem.nodes(y)[: len(problem.sequence)]
     # A period of the loads, and half of one, change twice the phase by whole turns.
     angles = 4.0 * math.pi * problem.load_periods * nodes[:, 2 * problem.degrees_of_freedom] if problem.has_clock else np.zeros(len(nodes))
@@ -115,7 +115,7 @@ def impact_flux(problem: ForcedProblem, y: np.ndarray) -> float:
 
     It is one number of the orbit at an event in the unknowns of all families that meet there."""
     speeds = problem.impact_speeds(y)
-    if not np.max(speeds, initial=0.0) > _SLOW * problem.segment.scale[problem.degrees_of_freedom]:
+    if not np.max(speeds, initial=0.0) > _SLOW * problem.units[problem.degrees_of_freedom]:
         return 0.0
     return float(_weights(problem) @ speeds**2) * (2.0 if problem.half else 1.0) / problem.period(y)
 
@@ -215,7 +215,7 @@ def _identifying(
 ) -> tuple[str, list[np.ndarray]] | None:
     """The events that identify a family, with their type: grazing ends, else folds, branch points, the ends of the window, breaks of
     symmetry, and period doublings."""
-    place, scale = 2 * problem.degrees_of_freedom + 1, window_of(problem)[1] / WINDOW
+    place, scale = problem.place, window_of(problem)[1] / WINDOW
     points = [y for kind, y, _ in found if kind == "BP"]
     # Where a family passes through another one it turns, too: the branch point is located better.
     folds = [y for kind, y, _ in found if kind == "SN" and all(abs(y[place] - other[place]) > _BESIDE * scale for other in points)]
@@ -252,7 +252,7 @@ def _followed(
 ) -> tuple[list[tuple[str, np.ndarray, bool]], bool, np.ndarray, list[np.ndarray]]:
     """The family of an orbit, both ways, through the window: its events, whether it is closed, its values of the parameter, and the orbits
     at which it is cut."""
-    place = 2 * problem.degrees_of_freedom + 1
+    place = problem.place
     family = parameter_family(problem, window, begin=float(y[place]))
     run = follow_both_ways(family, family.begin(y), SETTINGS, stop_when=unbounded(problem))
     run = with_exact_ends(family, run)
@@ -277,7 +277,7 @@ def _mark(problem: ForcedProblem, kind: str, y: np.ndarray) -> FamilyMark:
     elif problem.sequence:  # a sum of phases far from zero has six digits
         phases = 3.0 + first + 0.5 * second + 0.25 * _resultant(problem, y)
     else:  # at a value of the parameter that is no event's the displacements alone tell families apart
-        rest = _ZERO * float(problem.segment.scale[: problem.degrees_of_freedom].max())
+        rest = _ZERO * float(problem.units[: problem.degrees_of_freedom].max())
         phases = first if kind == "EP" and first > rest else 0.0
     return FamilyMark(f"{kind} {path}", 0.0 if abs(value) < _ZERO * scale else value, period, phases)
 

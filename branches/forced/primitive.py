@@ -43,19 +43,18 @@ def _twice_as_long(problem: ForcedProblem, sequence: Sequence[str], **changes: A
 def _repeated(problem: ForcedProblem, wide: ForcedProblem, y: np.ndarray, image: np.ndarray, part: float) -> np.ndarray:
     """The unknowns of the wide problem: those of the narrow one, and their image. part: its period over that of the wide one. Linear in y
     but for a constant."""
-    size = 2 * problem.degrees_of_freedom
+    values, instants, states = problem.released_values(y), problem.instants(y), problem.states(y)
     if wide.inner == problem.inner:
-        out = np.array(y)
-        wide.flight_times(out)[:] *= 2.0
-        return out
+        return wide.pack(states, instants, values, 2.0 * problem.flight_times(y))
     out = np.zeros(wide.unknowns)
-    count = problem.inner + 1
-    nodes, times = wide.nodes(out), wide.flight_times(out)
-    nodes[:count] = nodes[count:] = problem.nodes(y)
-    nodes[count:, :size] = nodes[:count, :size] @ image.T
-    nodes[:, size] *= part
-    nodes[count:, size] += 0.5 * problem.has_clock
-    times[:count] = times[count:] = problem.flight_times(y)
+    rows, count = wide.rows(out), problem.inner + 1
+    wide.released_values(out)[:] = values
+    rows[:count, 1:], rows[count:, 1:] = states, states @ image.T
+    if problem.has_clock:
+        rows[:, 0] = np.tile(instants * part, 2)
+        rows[count:, 0] += 0.5
+    else:
+        rows[:, 0] = np.tile(problem.flight_times(y), 2)
     return out
 
 
@@ -92,24 +91,22 @@ def later_sign(problem: ForcedProblem) -> float:
 
 def half_later(problem: ForcedProblem, sign: float, y: np.ndarray) -> np.ndarray:
     """An orbit half a period later, with its states times `later_sign`."""
-    out, count, size = np.array(y), len(problem.sequence) // 2, 2 * problem.degrees_of_freedom
+    out, count = np.array(y), len(problem.sequence) // 2
     if not count:
         pieces = problem.pieces
         states = problem.cut(y, 2 * pieces)[0]
-        problem.nodes(out)[:, :size] = sign * np.roll(states, -pieces, axis=0)[::2, :size]
+        problem.states(out)[:] = sign * np.roll(states, -pieces, axis=0)[::2]
         return out
-    nodes = np.roll(problem.nodes(y), -count, axis=0)
-    nodes[:, :size] *= sign
-    nodes[:, size] += np.where(np.arange(2 * count) < count, -0.5, 0.5) * problem.has_clock
-    problem.nodes(out)[:] = nodes
-    problem.flight_times(out)[:] = np.roll(problem.flight_times(y), -count)
+    rows = np.roll(problem.rows(y), -count, axis=0)
+    rows[:, 1:] *= sign
+    rows[:, 0] += np.where(np.arange(2 * count) < count, -0.5, 0.5) * problem.has_clock
+    problem.rows(out)[:] = rows
     return out
 
 
 def apart_from_image(problem: ForcedProblem, y: np.ndarray) -> float:
     """The difference of the states in both halves of an orbit, beside its size, where `image_sign` is not zero."""
-    count, size = len(problem.sequence) // 2, 2 * problem.degrees_of_freedom
-    states = problem.nodes(y)[:, :size]
+    count, states = len(problem.sequence) // 2, problem.states(y)
     return float(np.abs(states[:count] - image_sign(problem) * states[count:]).max() / np.abs(states).max())
 
 

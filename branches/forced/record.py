@@ -18,7 +18,7 @@ __all__ = [
     "problem_record", "range_from", "require_fitting", "restored",
 ]  # fmt: skip
 
-SCHEMA = 1
+SCHEMA = 2
 
 _AGREEMENT = 1e-8
 """Largest residual of a stored point."""

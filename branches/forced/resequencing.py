@@ -37,7 +37,7 @@ def _first_touch(problem: ForcedProblem, solution: Solution) -> tuple[int, float
     for turns in range(1, 2 * problem.load_periods if problem.load_periods > 1 and problem.has_clock and not problem.half else 1):
         instant, side, touch = (first + 0.5 * turns / problem.load_periods * whole) % whole, -side, -touch
         flight, since = int(np.searchsorted(begins, instant, "right")) - 1, (instant - slowest) % whole
-        apart = np.abs(problem.fly(nodes[flight], instant - begins[flight], flight)[0] - touch) / problem.segment.scale[:size]
+        apart = np.abs(problem.fly(nodes[flight], instant - begins[flight], flight)[0] - touch) / problem.units[:size]
         if side in sides and apart.max() <= _TOGETHER and _INSTANT < since / whole < 1.0 - _INSTANT:  # it is not that impact
             found.append((since, flight, instant - begins[flight], side))
     return min(found)[1:]
@@ -60,7 +60,7 @@ def with_touch(problem: ForcedProblem, solution: Solution, *, at_once: bool = Fa
     state = at_rest(problem, state, stop)
     contacts = [int(np.flatnonzero((modes.contact_stop == stop) & (modes.contacts.side == side))[0])]
     if at_once:
-        system, scale = problem.parametric.system(problem.parameters(y)), problem.segment.scale
+        system, scale = problem.parametric.system(problem.parameters(y)), problem.units
         rows = np.array([system.stops[stop].gap for stop in modes.contact_stop])
         away = np.abs(rows @ state[:n] - system.modes.contacts.bound) / scale[0] + (rows @ state[n:] / scale[n]) ** 2
         known = {*contacts, *(event.contact for event in problem.events)}
@@ -102,7 +102,7 @@ def without_node(problem: ForcedProblem, y: np.ndarray, gone: int) -> tuple[Forc
 def later(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
     """An orbit, begun at its second impact."""
     size = 2 * problem.degrees_of_freedom
-    sign, part = problem.segment.closing
+    sign, part = problem.closing
     count = int(problem.impacts[1]) if len(problem.impacts) > 1 else len(problem.sequence)
     first = problem.sequence[:count]
     last = map(problem.mirrored, first) if problem.half else first
@@ -115,9 +115,9 @@ def later(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndar
 
 def is_unordered(problem: ForcedProblem, flight: int) -> bool:
     """Whether a flight lies between impacts at two stops that do not act on each other."""
-    segment, before = problem.segment, (flight - 1) % (problem.inner + 1)
-    acting = segment.gap_rate[flight] * segment.push[before]
-    between = min(segment.contact[[before, flight], 0]) >= 0 and before != flight  # a release has no impulse
+    before = (flight - 1) % (problem.inner + 1)
+    acting = problem.rate[flight] * problem.push[before]
+    between = min(problem.entries_of_nodes[[before, flight], 0]) >= 0 and before != flight  # a release has no impulse
     return bool(between and abs(np.sum(acting)) <= INTERACTION_LEVEL * np.sum(np.abs(acting)))
 
 
@@ -144,7 +144,7 @@ def exchanged(problem: ForcedProblem, y: np.ndarray, flight: int) -> tuple[Force
     states, fractions, sequence = nodes[:, :size].copy(), nodes[:, size].copy(), list(problem.sequence)
     short = float(times[flight])
     arrived, _ = problem.fly(nodes[flight - 1], float(times[flight - 1]), (flight - 1) % len(nodes))
-    before = np.append(arrived if flight else problem.segment.closing[0] * arrived, nodes[flight, size:])
+    before = np.append(arrived if flight else problem.closing[0] * arrived, nodes[flight, size:])
     # The impacts change velocities in directions at right angles, in M: without the first one the second one is the same.
     change = states[flight + 1] - problem.fly(nodes[flight], short, flight)[0]
     states[flight] = problem.fly(before, short, flight)[0] + change
@@ -180,12 +180,11 @@ def with_sticking(problem: ForcedProblem, solution: Solution) -> tuple[ForcedPro
 
 def with_first_bounce(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
     """The problem in which the first impact of a chatter that is summed is one of its own, and the orbit in its unknowns."""
-    flight, y, segment = int(solution["clearance_flight"]), solution.y, problem.segment
+    flight, y = int(solution["clearance_flight"]), solution.y
     nodes, times, size = problem.nodes(y), problem.flight_times(y), 2 * problem.degrees_of_freedom
     state, fraction = problem.fly(nodes[flight], float(times[flight]), flight)
-    node = np.array([*state, fraction, *nodes[flight, size + 1 :]])
-    node -= segment.jump[flight] * segment.push[flight] * (segment.gap_rate[flight] @ node)
-    row, short, half = segment.gap_rate[flight, :size], _INSTANT * problem.period(y), size // 2
+    node = np.array([*problem.landed(y, flight, state), fraction, *nodes[flight, size + 1 :]])
+    row, short, half = problem.rate[flight], _INSTANT * problem.period(y), size // 2
     bounce = -2.0 * short * (row @ node[:size]) / (row @ (problem.fly(node, short, flight)[0] - node[:size]))
     for _ in range(_ROUNDS):  # Newton's method for the mean speed of the gap, which is 0 where it closes again
         ahead = problem.fly(node, bounce, flight)[0]
@@ -193,8 +192,8 @@ def with_first_bounce(problem: ForcedProblem, solution: Solution) -> tuple[Force
         bounce -= mean * bounce / (row @ ahead - mean)
     place, sign = flight + 1, 1.0
     if flight == problem.inner:
-        place, sign = 0, segment.closing[0]
-        node[size] -= segment.closing[1]
+        place, sign = 0, problem.closing[0]
+        node[size] -= problem.closing[1]
     letter = problem.sequence[place].removesuffix(CLOSES)
     sequence = [*problem.sequence[:place], letter, *problem.sequence[place:]]
     states, fractions = np.insert(nodes[:, :size], place, sign * node[:size], axis=0), np.insert(nodes[:, size], place, node[size])

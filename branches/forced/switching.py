@@ -116,23 +116,25 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         half = half_of(problem, solution.y)
         if half is None:
             return found
-        symmetric, others = _across(*half, inwards[: half[0].unknowns]), found
+        symmetric, others = _across(*half, np.append(inwards[: half[0].place], inwards[problem.place :])), found
     return symmetric + [one for one in others if one.problem.sequence and not one.problem.half]
 
 
 def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> list[GrazingNeighbour]:
     """The families behind a grazing, in which one impact of the solved segment appears, vanishes or changes its place."""
-    found, at = list[GrazingNeighbour](), 2 * problem.degrees_of_freedom + 1
+    found, at = list[GrazingNeighbour](), problem.place
     side = np.sign(inwards[at])
     for make in _changes(problem, solution):
         if make is change.with_sticking:
             opened = _opening_again(problem, solution, inwards)
             if opened is not None:
-                found.append(GrazingNeighbour(*opened, bool(np.sign(opened[1].y[at] - solution.y[at]) != side)))
+                found.append(GrazingNeighbour(*opened, bool(np.sign(opened[1].parameter - solution.y[at]) != side)))
                 continue
         if make is change.exchanged:
             # Beyond the orbit the family goes on, with the impacts in another order.
-            ahead = -inwards / np.linalg.norm(inwards[:at] / problem.segment.scale[:at])
+            node = problem.size + 1
+            units = np.array([problem.units[problem.size], *problem.units[: problem.size]])
+            ahead = -inwards / np.linalg.norm(inwards[:node] / units)
             found += _beside(problem, solution.y, np.pad(ahead, (0, len(ahead))), side)
             continue
         try:
@@ -148,7 +150,7 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
 
 def _slow(problem: ForcedProblem, y: np.ndarray, limit: float = change.GRAZES) -> dict[int, int]:
     """The contacts with an impact without speed, and the node of it, the first one of each."""
-    speeds = problem.impact_speeds(y) / problem.segment.scale[problem.degrees_of_freedom]
+    speeds = problem.impact_speeds(y) / problem.units[problem.degrees_of_freedom]
     nodes = [k for k, speed in enumerate(speeds) if abs(speed) <= limit and not problem.events[k].is_release]
     return {problem.events[k].contact: k for k in reversed(nodes)}
 
@@ -158,7 +160,7 @@ def _other_choices(problem: ForcedProblem, solution: Solution) -> Iterator[tuple
 
     Parts that do not interact can touch their stops together, and their impacts can vanish together. Each choice of these impacts is that
     of a family. Those with the fewest changes come first."""
-    reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
+    reach, fast = problem.units[0], problem.units[problem.degrees_of_freedom]
     limit = max(change.GRAZES, min(abs(solution["clearance"] / reach), abs(solution["speed"] / fast)))
     y, before = solution.y, set(_slow(problem, solution.y, limit))
     rest: Solution | None = solution
@@ -188,14 +190,13 @@ def _both_sides(problem: ForcedProblem, start: np.ndarray, side: float) -> list[
 
 def _beside(problem: ForcedProblem, start: np.ndarray, tangent: np.ndarray, side: float) -> list[GrazingNeighbour]:
     """The first orbit beside a grazing one along a tangent, with its impacts in their order there, if it is an orbit."""
-    at = 2 * problem.degrees_of_freedom + 1
+    at = problem.place
     for length in _SHORT:
         step = ForcedFamily(problem).step(start, tangent, length)
         if step.converged:
             ordered, y = change.in_order(problem, step.y)
             if ordered is not problem:  # another order can begin with another impact: its parameter has the same tangent
-                along = np.where(np.arange(len(step.tangent)) == at, step.tangent, 0.0)
-                step = begun_along(ForcedFamily(ordered), y, along, np.ones(len(y)))
+                step = begun_along(ForcedFamily(ordered), y, step.tangent[[at]], np.ones(1), np.array([ordered.place]))
             if _is_inside(step):
                 return [GrazingNeighbour(*_primitive(ordered, step), bool(np.sign(step.y[at] - start[at]) != side))]
     return []
@@ -219,7 +220,7 @@ def beside_moment(problem: ForcedProblem, y: np.ndarray, inwards: np.ndarray) ->
     if not vanishes(problem, y):
         return None
     made = without_moment(problem, y)
-    return [] if made is None else _both_sides(*made[:2], np.sign(inwards[2 * problem.degrees_of_freedom + 1]))
+    return [] if made is None else _both_sides(*made[:2], np.sign(inwards[problem.place]))
 
 
 def _primitive(problem: ForcedProblem, step: Step) -> tuple[ForcedProblem, Step]:
@@ -228,14 +229,15 @@ def _primitive(problem: ForcedProblem, step: Step) -> tuple[ForcedProblem, Step]
     if primitive is problem:
         return problem, step
     # Both begin with the same state, and have the same parameter.
-    begin = begun_along(ForcedFamily(primitive), y, step.tangent, np.ones(2 * problem.degrees_of_freedom + 2))
+    here, there = ([*range(one.size + 1), one.place] for one in (problem, primitive))
+    begin = begun_along(ForcedFamily(primitive), y, step.tangent[here], np.ones(len(here)), np.array(there))
     return (primitive, begin) if begin.converged else (problem, step)
 
 
 def _changes(problem: ForcedProblem, solution: Solution) -> list[_Change]:
     """The changes of the sequence at a grazing: of what is zero to rounding, else the one that is nearest to it."""
     # A single impact that vanishes is the largest one of its orbit, too: the units are those of arclength.
-    reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
+    reach, fast = problem.units[0], problem.units[problem.degrees_of_freedom]
     touch, speed = abs(solution["clearance"] / reach), abs(solution["speed"] / fast)
     flight = abs(solution["flight"] / problem.duration(solution))
     if any(event.closed for event in problem.events) and flight < INSTANT:
@@ -328,7 +330,12 @@ def _first_opened(problem: ForcedProblem, guess: np.ndarray, flight: int) -> Ste
         y = problem.solve(guess).y
     except NotConverged:
         return None
-    ahead = np.zeros(problem.unknowns)
-    problem.flight_times(ahead)[flight] = 1.0
+    ahead, width = np.zeros(problem.unknowns), problem.size + 1
+    ahead[(flight + 1) % (problem.inner + 1) * width] += 1.0  # the flight lasts longer
+    if problem.has_clock:
+        ahead[flight * width] -= 1.0
+    else:
+        ahead = np.zeros(problem.unknowns)
+        ahead[flight * width] = 1.0
     step = begun_along(ForcedFamily(problem), y, ahead, np.ones(problem.unknowns))
     return step if _is_inside(step) else None

@@ -116,7 +116,7 @@ def follow_response(
 
     def follow(problem: ForcedProblem, start: np.ndarray | Step, known: tuple[int, int]) -> tuple[Run, tuple[int, int]]:
         """A run, and the points and events that were reported; `known` were reported before."""
-        place = 2 * problem.degrees_of_freedom + 1
+        place = problem.place
         family = parameter_family(problem, interval, values, float((start.y if isinstance(start, Step) else np.asarray(start))[place]))
         if isinstance(start, Step):  # it has the test functions of another family
             begin = family.step(start.y, start.tangent, 0.0)
@@ -186,8 +186,12 @@ def _in_enough_pieces(problem: ForcedProblem, unknowns: Sequence[np.ndarray], fa
 
 def _begun_in(problem: ForcedProblem, other: ForcedProblem, y: np.ndarray, tangent: np.ndarray) -> Step:
     """An orbit in another number of pieces, with its tangent (at least (u,)) turned like the one given."""
-    scale = problem.scales(y)[: problem.size]
-    return begun_along(parameter_family(other), problem.in_pieces(other.pieces, y)[1], tangent, np.where(scale > 0.0, scale, 1.0))
+    first = np.r_[0 : problem.size + 1, problem.place : problem.unknowns]  # the first node and the parameters
+    there = np.r_[0 : other.size + 1, other.place : other.unknowns]
+    scale = problem.scales(y)[first]
+    return begun_along(
+        parameter_family(other), problem.in_pieces(other.pieces, y)[1], tangent[first], np.where(scale > 0.0, scale, 1.0), there
+    )
 
 
 def _can_go_on(branch: ForcedBranch, last: bool, interval: tuple[float, float]) -> bool:
@@ -226,7 +230,7 @@ def go_on(
     for last in [last for last in (True, False) if _can_go_on(branch, last, interval)]:
         place = -1 if last else 0
         outward = branch.tangents[-1] if last else -branch.tangents[0]
-        if direction != "both" and outward[2 * branch.problem.degrees_of_freedom + 1] * _SIGNS[direction] <= 0.0:
+        if direction != "both" and outward[branch.problem.place] * _SIGNS[direction] <= 0.0:
             continue
         begin = parameter_family(branch.problem, interval).step(branch.unknowns[place], np.pad(outward, (0, len(outward))), 0.0)
         try:
@@ -286,7 +290,7 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
 def _put_on_bounds(problem: ForcedProblem, run: Run, interval: tuple[float, float]) -> None:
     """Solve the first and the last orbit of a run at the bound of the parameter at which they were located: 0, not 1e-15. Where
     Newton's method finds no orbit, as where perturbations grow too much, it stays as it is."""
-    place = 2 * problem.degrees_of_freedom + 1
+    place = problem.place
     located = {event.index for event in run.events if event.code != "EP"}  # beside a bound there can be another event
     for point in (run.points[index] for index in {0, len(run.points) - 1} - located):
         for bound in parameter_bounds(problem, interval)[0]:

@@ -1,6 +1,5 @@
-"""Compiled code for families of orbits.
+"""Arithmetic of families of orbits.
 
-functions    the test functions
-blocks       the step with its test functions, and the advance by many steps in one call
-brackets     the steps inside a step, and the bracket of a zero of a test function
+functions    whether a point is an orbit, and the noise of tangents
+brackets     compiled: where test functions are to be sampled
 """

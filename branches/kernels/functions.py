@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from bvp.kernels import multipoint as entry
+from bvp.orbits import RESULT_INDEX
 
 __all__ = ["CONDITION_NOISE", "TANGENT_NOISE", "is_orbit"]
+
+_CONVERGED, _RESIDUAL, _GAVE_UP = (RESULT_INDEX[name] for name in ("converged", "residual", "gave_up"))
 
 _ACCURATE = 1e-12
 """Scaled residual below which a solution is an orbit."""
@@ -21,4 +23,4 @@ CONDITION_NOISE = 5e-17
 
 def is_orbit(result: Any) -> bool:
     """Whether the step converged accurately and no search of its observation gave up."""
-    return result[entry.CONVERGED] == 1.0 and result[entry.RESIDUAL] < _ACCURATE and not result[entry.GAVE_UP] == 1.0
+    return result[_CONVERGED] == 1.0 and result[_RESIDUAL] < _ACCURATE and not result[_GAVE_UP] == 1.0

@@ -24,9 +24,9 @@ from branches.released.presentation import embedded_orbit, released_orbit
 from bvp.checks import EPSILON, InvalidSystem
 from bvp.closures import EndsError, cycle_of
 from bvp.criticality import Criticality, shaken
-from bvp.kernels.multipoint import RESULT
 from bvp.multipliers import floquet_multipliers
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.orbits import RESULT_INDEX
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from bvp.stability import half_map_of
@@ -219,15 +219,15 @@ class CriticalEquations:
         if problem.starts_rising:
             raise EndsError("closed orbits without impacts start at another instant here than their family in the energy")
         self.problem, self.y = problem, y
-        jacobian, scale = problem.jacobian(y), problem.scales(y, evaluated=True)
+        jacobian, scale = problem.jacobian(y), problem.scales(y)
         self.scale = np.where(scale > 0.0, scale, 1.0)
         self.n = problem.degrees_of_freedom
         last = np.zeros((1, problem.unknowns))
         if problem.released:
-            last[0, 2 * self.n + 1] = 1.0
+            last[0, problem.place] = 1.0
         else:
-            gradient, self.energy = _energy_slopes(problem, y[: 2 * self.n])
-            last[0, : 2 * self.n] = gradient
+            gradient, self.energy = _energy_slopes(problem, problem.states(y)[0])
+            problem.states(last[0])[0] = gradient
         matrix = np.vstack([jacobian, last]) * self.scale
         lengths = np.linalg.norm(matrix, axis=1)
         self.level = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
@@ -246,8 +246,9 @@ class CriticalEquations:
     def _length(self, v: np.ndarray) -> float:
         """The length of a direction at the start of the segment, in the metric of the family in the energy, at fixed energy."""
         system, n = self.problem.system, self.n
-        twice = 2.0 * float(system.energy(self.y[:n], self.y[n : 2 * n]))
-        state = system.modes.from_state @ v[: 2 * n]
+        start = self.problem.states(self.y)[0]
+        twice = 2.0 * float(system.energy(start[:n], start[n:]))
+        state = system.modes.from_state @ self.problem.states(v)[0]
         time, change = float(np.sum(self.problem.flight_times(self.y))), float(np.sum(self.problem.flight_times(v)))
         return math.sqrt(float(state @ state) / twice + (change / time) ** 2)
 
@@ -266,7 +267,7 @@ class CriticalEquations:
         found = np.zeros((len(v), len(v)))
         found[:-1] = self.problem.curvature.second_along(self.y, v)
         if not self.problem.released:
-            found[-1, : 2 * self.n] = self.energy @ v[: 2 * self.n]
+            self.problem.states(found[-1])[0] = self.energy @ self.problem.states(v)[0]
         return found * self.level[:, None]
 
     def solve(self, right: np.ndarray) -> np.ndarray:
@@ -305,7 +306,7 @@ class CriticalEquations:
 
     def _cubic_terms(self, bend: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The term of third derivatives along V, over 6, and H."""
-        cubed = np.append(self.problem.curvature.third_of_states(self.y, v, v, v), 0.0) * self.level
+        cubed = np.append(self.problem.curvature.third(self.y, v, v, v), 0.0) * self.level
         return cubed / 6.0, self.solve(-(bend @ v))
 
     def slope(self, way: np.ndarray) -> tuple[float, float]:
@@ -392,23 +393,19 @@ def _unstable_side(parent: _Parent, level: int) -> int:
 def critical_nu(problem: ReleasedProblem, y: np.ndarray, level: int) -> tuple[float, float]:
     """The distance from a level of the nu nearest to it, NaN where that is no real pair; and the parameter. The orbit is beside an event at
     this level."""
-    n = problem.degrees_of_freedom
     if problem.released:
-        parameter = float(y[2 * n + 1])
-        found = _nu_of_multipliers(problem, y, level)
-        if found is not None:
-            return found, parameter
+        parameter = float(y[problem.place])
         plain, at = problem.orbit_problem(y)
     else:
         plain = problem.structure
-        states = problem.nodes(y)[:, : 2 * n] @ plain.modes.from_state.T
+        states = problem.states(y) @ plain.modes.from_state.T
         at = plain.pack(states[0], states[1:], problem.flight_times(y))
         parameter = float(plain.energy(at))
     if plain.periodic:
         values = floquet_multipliers(cycle_of(plain, at)).values
         apart = (values + 1.0 / values - 2.0) / 4.0 - level
     else:
-        solution = Solution(at, np.zeros(2 * at.size), np.zeros(0), plain.end_states(at), np.full(len(RESULT), math.nan))
+        solution = Solution(at, np.zeros(2 * at.size), np.zeros(0), plain.end_states(at), np.full(len(RESULT_INDEX), math.nan))
         phi, m = half_map_of(plain, solution)[0], plain.pairs
         apart = np.linalg.eigvals(phi[:m, m:].T @ phi[m:, :m] if level == 0 else phi[m:, m:].T @ phi[:m, :m])
     return _real(apart[int(np.argmin(np.abs(apart)))]), parameter
@@ -416,18 +413,3 @@ def critical_nu(problem: ReleasedProblem, y: np.ndarray, level: int) -> tuple[fl
 
 def _real(value: complex) -> float:
     return float(value.real) if abs(value.imag) <= _REAL * abs(value) else math.nan
-
-
-def _nu_of_multipliers(problem: ReleasedProblem, y: np.ndarray, level: int) -> float | None:
-    """The same distance by the multipliers of the full period; None where these do not tell it."""
-    problem.residual(y)
-    values = problem.formed_multipliers(y)
-    if values is None or np.any(np.isnan(values)):
-        return None
-    traces = values + 1.0 / values
-    if problem.quarters == 1:  # the traces of half a period are the roots of those of all of it, plus 2
-        if np.sum(np.abs(traces - 2.0) < _ALIKE) > 2:
-            return None
-        traces = np.sqrt(traces + 2.0) * (1.0 if level == 0 else -1.0)
-    apart = (traces - 2.0) / 4.0 - level
-    return _real(apart[int(np.argmin(np.abs(apart)))])

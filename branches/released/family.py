@@ -124,7 +124,7 @@ class ReleasedFamily(AlongParameters, Family):
 
     def _inside(self, y: np.ndarray) -> np.ndarray:
         """The unknowns with the parameter at an end of the interval if it is beyond that by rounding: beyond may be no system."""
-        place = 2 * self.problem.degrees_of_freedom + 1
+        place = self.problem.place
         within = min(max(y[place], self.interval[0]), self.interval[1])
         if within == y[place] or abs(within - y[place]) > SLACK * self._unit:
             return y

@@ -19,8 +19,7 @@ from branches.admissible import unphysical
 from branches.orbit import Orbit
 from branches.order import in_tied_order
 from branches.released.branch import ReleasedBranch
-from bvp.closures import EndsError
-from bvp.kernels.multipoint import STOP
+from bvp.closures import STOP, EndsError
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 from bvp.parameters import ParametricSystem
 from bvp.stiff_springs import StiffSpring, stiff_limit

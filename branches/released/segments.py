@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.sequences import PERIODIC, Ends, ImpactSequence, mirror
-from bvp.kernels.loads import loaded_rate
 from bvp.released import ReleasedProblem
 
 __all__ = ["Segment", "changed", "segment_of"]
@@ -161,37 +160,33 @@ def _flown(problem: ReleasedProblem, segment: Segment, flight: int) -> np.ndarra
 def _flown_change(problem: ReleasedProblem, segment: Segment, change: Segment, flight: int) -> np.ndarray:
     """The change of the state in the middle of a flight, (2 n,)."""
     node = np.concatenate([segment.after[flight], [0.0], segment.parameters])
-    _, by_node, by_time = problem.flown(node, 0.5 * float(segment.times[flight]), min(flight, problem.inner))
-    moved = by_node @ np.concatenate([change.after[flight], [0.0], change.parameters]) + by_time * 0.5 * change.times[flight]
-    return moved[: len(segment.after[flight])]
+    place = problem.flown(node, 0.5 * float(segment.times[flight]), min(flight, problem.inner))
+    moved = place.slopes @ np.concatenate([change.after[flight], [0.0], change.parameters]) + place.rates * 0.5 * change.times[flight]
+    found: np.ndarray = moved[: len(segment.after[flight])]
+    return found
 
 
 def _kind(problem: ReleasedProblem, state: np.ndarray) -> str:
     """The end inside a flight that a state is."""
     n = len(state) // 2
-    units = problem.segment.scale[: 2 * n]
+    units = problem.units[: 2 * n]
     sizes = np.abs(state / np.where(units > 0.0, units, 1.0))
     return "origin" if sizes[:n].max() < sizes[n:].max() else "rest"
 
 
-def segment_of(problem: ReleasedProblem, y: np.ndarray, *, evaluated: bool = False) -> Segment:
-    """The segment that a problem solves, from its unknowns (u,). evaluated: y is the orbit that was evaluated last."""
-    if not evaluated:
-        problem.residual(y)
-    before, nodes, n = problem._factor.before, problem.nodes(y), problem.degrees_of_freedom
-    return Segment(
-        problem.ends, tuple(problem.sequence), nodes[:, : 2 * n].copy(), before[:, : 2 * n].copy(), problem.flight_times(y).copy(),
-        nodes[0, 2 * n + 1 :].copy(),
-    )  # fmt: skip
+def segment_of(problem: ReleasedProblem, y: np.ndarray) -> Segment:
+    """The segment that a problem solves, from its unknowns (u,)."""
+    states, times, values = problem.states(y).copy(), problem.flight_times(y).copy(), problem.released_values(y).copy()
+    return Segment(problem.ends, tuple(problem.sequence), states, problem.end_states(y), times, values)
 
 
 def changed(problem: ReleasedProblem, y: np.ndarray, way: np.ndarray) -> Segment:
-    """The derivatives of the segment along a direction (u,), in the form of a segment; y was evaluated last. What makes another segment of
-    it, `half` but for its argument, is linear: it makes the change of that one."""
-    factor, nodes, times, n = problem._factor, problem.nodes(way), problem.flight_times(way), problem.degrees_of_freedom
-    before = np.einsum("ijk,ik->ij", factor.flights, nodes)
-    rate = np.empty(problem.size)
-    for i in range(len(times)):
-        loaded_rate(problem._table.flight_in(i), factor.before[i], rate)
-        before[i] += times[i] * rate
-    return Segment(problem.ends, tuple(problem.sequence), nodes[:, : 2 * n], before[:, : 2 * n], times.copy(), nodes[0, 2 * n + 1 :])
+    """The derivatives of the segment along a direction (u,), in the form of a segment. What makes another segment of it, `half` but for its
+    argument, is linear: it makes the change of that one."""
+    nodes, changes, moved = problem.nodes(y), problem.nodes(way), problem.flight_times(way)
+    before = np.empty_like(problem.states(y))
+    for i, time in enumerate(problem.flight_times(y).tolist()):
+        place = problem.flown(nodes[i], time, i)
+        before[i] = (place.slopes @ changes[i] + place.rates * moved[i])[: problem.size]
+    states, values = problem.states(way).copy(), problem.released_values(way).copy()
+    return Segment(problem.ends, tuple(problem.sequence), states, before, moved.copy(), values)

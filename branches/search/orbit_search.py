@@ -19,7 +19,7 @@ from branches.search.known import Boxes, recognised
 from branches.search.starts import ScannedSegment, StartCurve
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period
 from bvp.checks import EPSILON
-from bvp.kernels.multipoint import STOP
+from bvp.closures import STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 from bvp.system import ImpactSystem
 from bvp.texts import brief, listed

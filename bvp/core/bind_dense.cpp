@@ -2,56 +2,45 @@
 #include <algorithm>
 
 #include "bindings.hpp"
+#include "modes.hpp"
 #include "schur.hpp"
 
 namespace saltus {
 
 namespace {
 
-/// Each entry is summed in the order of the columns.
-NewMatrix product(InMatrix left, InMatrix right) {
+NewMatrix bound_product(InMatrix left, InMatrix right) {
     require_size("rows", right.shape(0), left.shape(1));
-    const Matrix<const double> a = view(left), b = view(right);
-    NewMatrix out = new_matrix(a.rows(), b.columns());
-    std::fill(out.data(), out.data() + out.size(), 0.0);
-    for (int r = 0; r < a.rows(); ++r) {
-        double* to = out.data() + size_t(r) * b.columns();
-        for (int k = 0; k < a.columns(); ++k)
-            for (int c = 0; c < b.columns(); ++c) to[c] += a(r, k) * b(k, c);
-    }
-    return out;
+    return numpy_matrix(product(view(left), view(right)));
 }
 
 /// X of matrix X = right.
-NewMatrix solve(InMatrix given, InMatrix right) {
+NewMatrix bound_solve(InMatrix given, InMatrix right) {
     require_square(given);
     require_size("rows", right.shape(0), given.shape(0));
-    Array<> matrix = own(given), out = own(right);
-    std::vector<int> row(matrix.rows());
-    if (!(factorise(matrix, row).least > 0.0)) throw std::runtime_error("the matrix is singular");
-    std::vector<double> x(matrix.rows());
-    for (int c = 0; c < out.columns(); ++c) {
-        for (int r = 0; r < out.rows(); ++r) x[r] = out(r, c);
-        substitute(matrix, row, x);
-        for (int r = 0; r < out.rows(); ++r) out(r, c) = x[r];
-    }
+    Array<> out = own(right);
+    if (!solve_matrix(own(given), out)) throw std::runtime_error("the matrix is singular");
     return numpy_matrix(out);
 }
 
 /// The lower triangular L of matrix = L L'.
-NewMatrix cholesky(InMatrix given) {
+NewMatrix bound_cholesky(InMatrix given) {
     require_square(given);
-    const Matrix<const double> matrix = view(given);
-    Array<> lower(matrix.rows(), matrix.rows());
-    for (int c = 0; c < matrix.rows(); ++c)
-        for (int r = c; r < matrix.rows(); ++r) {
-            double entry = matrix(r, c);
-            for (int k = 0; k < c; ++k) entry -= lower(r, k) * lower(c, k);
-            if (r > c) lower(r, c) = entry / lower(c, c);
-            else if (entry > 0.0) lower(c, c) = std::sqrt(entry);
-            else throw std::runtime_error("the matrix is not positive definite");
-        }
+    Array<> lower;
+    if (!cholesky(view(given), lower)) throw std::runtime_error("the matrix is not positive definite");
     return numpy_matrix(lower);
+}
+
+nb::tuple undamped_modes(InMatrix mass, InMatrix stiffness) {
+    require_square(mass);
+    require_square(stiffness);
+    require_size("coordinates", stiffness.shape(0), mass.shape(0));
+    UndampedModes found;
+    const auto outcome = found.find(view(mass), view(stiffness));
+    if (outcome == UndampedModes::INDEFINITE) throw nb::value_error("the mass matrix is not positive definite");
+    if (outcome == UndampedModes::UNSETTLED)
+        throw std::runtime_error(("Jacobi's method did not diagonalise a matrix of size " + std::to_string(mass.shape(0))).c_str());
+    return nb::make_tuple(numpy_of(found.squares), numpy_matrix(found.shapes));
 }
 
 /// The orthogonal Q of matrix = Q R by reflections, which change the sign of a diagonal entry of R where there is more than it.
@@ -106,10 +95,12 @@ nb::object sylvester(InMatrix a, InMatrix b, InMatrix c) {
 }  // namespace
 
 void bind_dense(nb::module_& m) {
-    m.def("product", product, nb::arg("left"), nb::arg("right"), "left right; each entry is summed in the order of the columns.");
-    m.def("solve", solve, nb::arg("matrix"), nb::arg("right"), "X of matrix X = right. RuntimeError for a singular matrix.");
-    m.def("cholesky", cholesky, nb::arg("matrix"),
+    m.def("product", bound_product, nb::arg("left"), nb::arg("right"), "left right; each entry is summed in the order of the columns.");
+    m.def("solve", bound_solve, nb::arg("matrix"), nb::arg("right"), "X of matrix X = right. RuntimeError for a singular matrix.");
+    m.def("cholesky", bound_cholesky, nb::arg("matrix"),
           "The lower triangular L of matrix = L L'. RuntimeError for a matrix that is not positive definite.");
+    m.def("undamped_modes", undamped_modes, nb::arg("mass"), nb::arg("stiffness"),
+          "Squared frequencies (n,), ascending, and shapes (n, n) as columns. ValueError for masses that are not positive definite.");
     m.def("orthonormal", orthonormal, nb::arg("matrix"), "The orthogonal Q (n, n) of matrix = Q R.");
     m.def("singular_directions", singular_directions, nb::arg("matrix"),
           "Singular values (k,) of a matrix (m, k), descending, and orthonormal rows (k, k) in whose direction it has them.");

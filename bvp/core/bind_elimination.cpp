@@ -41,7 +41,7 @@ void bind_elimination(nb::module_& m) {
             "Factorise a dense matrix with the pattern: sign of the determinant with the null vector, smallest pivot.")
         .def(
             "solve",
-            [](const Elimination& self, InVector right) {
+            [](Elimination& self, InVector right) {
                 require_size("equations", right.shape(0), self.unknowns() - 1);
                 std::vector<double> values = own(right);
                 NewVector out = new_vector(self.unknowns());
@@ -50,12 +50,12 @@ void bind_elimination(nb::module_& m) {
             },
             "The least-norm solution.")
         .def("null_vector",
-             [](const Elimination& self) {
+             [](Elimination& self) {
                  NewVector out = new_vector(self.unknowns());
                  self.null_vector({out.data(), size_t(self.unknowns())});
                  return out;
              })
-        .def("conditioning", [](const Elimination& self) {
+        .def("conditioning", [](Elimination& self) {
             std::vector<double> scratch(self.unknowns() - 1);
             return self.conditioning(scratch);
         });

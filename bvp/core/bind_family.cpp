@@ -13,13 +13,13 @@ Control control_of(const NumbersOfControl& c) { return {c[0], c[1], c[2], c[3], 
 /// The arrays of `StepRows`, with their sizes checked: y, tangent, position, ends, point, tests, lengths.
 class Rows {
 public:
-    Rows(const BoundProblem& problem, const FamilySettings& family, OutMatrix& y, OutMatrix& tangent,
+    Rows(const BoundAny& problem, const FamilySettings& family, OutMatrix& y, OutMatrix& tangent,
          OutMatrix& position, OutCube& ends, OutMatrix& point, OutMatrix& tests, OutMatrix& lengths)
         : rows{view(y),        view(tangent),
                view(position), Matrix<double>(ends.data(), int(ends.shape(0)), int(ends.shape(1) * ends.shape(2))),
                view(point),    view(tests),
                view(lengths)} {
-        const AnyOrbitProblem& any = *problem.problem;
+        const AnyProblem& any = *problem.any;
         const int u = any.unknowns(), count = rows.y.rows();
         const auto check = [count](const char* name, const Matrix<double>& array, int columns) {
             require_size("steps", array.rows(), count);
@@ -27,7 +27,7 @@ public:
         };
         check("unknowns", rows.y, u);
         check("a tangent", rows.tangent, rows.tangent.columns() == 3 * u ? 3 * u : 2 * u);
-        check("a position", rows.position, any.size() + 2);
+        check("a position", rows.position, any.coordinates());
         check("the ends of flights", rows.ends, (any.inner() + 1) * any.size());
         check("a point", rows.point, POINT_SIZE);
         check("test functions", rows.tests, family.computed);
@@ -39,8 +39,8 @@ public:
 
 class BoundFamily {
 public:
-    BoundFamily(BoundProblem& bound, FamilySettings chosen) : problem(bound), settings(std::move(chosen)) {}
-    BoundProblem& problem;
+    BoundFamily(BoundAny& bound, FamilySettings chosen) : problem(bound), settings(std::move(chosen)) {}
+    BoundAny& problem;
     FamilySettings settings;
 
     void check(const InVector& y, const InVector& tangent, size_t most = 2) const {
@@ -56,16 +56,16 @@ bool bound_land(BoundFamily& self, InVector y, InVector tangent, double ds, OutM
     self.check(y, tangent);
     const Rows block(self.problem, self.settings, out_y, out_tangent, out_position, out_ends, out_point, out_tests,
                      out_lengths);
-    return self.problem.problem->land(self.settings, view(y), view(tangent), ds, block.rows);
+    return self.problem.any->land(self.settings, view(y), view(tangent), ds, block.rows);
 }
 
 void bound_values(BoundFamily& self, InVector y, InMatrix ends, InVector point, OutVector out) {
     require_size("unknowns", y.shape(0), self.problem.unknowns());
-    require_size("states", ends.size(), (self.problem.problem->inner() + 1) * self.problem.problem->size());
+    require_size("states", ends.size(), (self.problem.any->inner() + 1) * self.problem.any->size());
     require_size("a point", point.shape(0), POINT_SIZE);
     require_size("test functions", out.shape(0), self.settings.computed);
     if (self.settings.computed == 1) throw nb::value_error("this family has no test function but the fold");
-    self.problem.problem->test_values(self.settings, view(y), {ends.data(), ends.size()}, Point::read(point.data()),
+    self.problem.any->test_values(self.settings, view(y), {ends.data(), ends.size()}, Point::read(point.data()),
                                       view(out));
 }
 
@@ -76,7 +76,7 @@ std::tuple<int, bool, double> bound_advance(BoundFamily& self, InVector y, InVec
                                             OutMatrix out_position, OutCube out_ends, OutMatrix out_point,
                                             OutMatrix out_tests, OutMatrix out_lengths) {
     self.check(y, tangent);
-    const size_t coordinates = self.problem.problem->size() + 2, watched = self.settings.watched.kinds.size();
+    const size_t coordinates = self.problem.any->coordinates(), watched = self.settings.watched.kinds.size();
     for (const InVector* array : {&position, &goal, &direction})
         require_size("a position", array->shape(0), coordinates);
     for (const InVector* array : {&tests, &older, &oldest})
@@ -85,7 +85,7 @@ std::tuple<int, bool, double> bound_advance(BoundFamily& self, InVector y, InVec
                      out_lengths);
     const Beginning begin{view(y),     view(tangent), view(position), view(tests),
                           view(older), view(oldest),  before,         first};
-    const Advanced found = self.problem.problem->advance(self.settings, begin, {view(goal), view(direction)}, ds,
+    const Advanced found = self.problem.any->advance(self.settings, begin, {view(goal), view(direction)}, ds,
                                                          control_of(control), block.rows);
     return {found.count, found.tried, found.ds};
 }
@@ -108,7 +108,7 @@ std::tuple<int, int> bound_narrow(BoundFamily& self, InVector y, InVector tangen
     const auto known = [u = self.problem.unknowns()](double s, const InVector& at_y, const InVector& slope) {
         return KnownStep{s, own(at_y), {slope.data(), slope.data() + u}};
     };
-    const auto found = self.problem.problem->narrow(
+    const auto found = self.problem.any->narrow(
         self.settings, view(y), view(tangent).first(self.problem.unknowns()), known(low, low_y, low_slope),
         known(high, high_y, high_slope), {length, test, tolerance, least_turn},
         {std::move(places), std::move(values), at}, block.rows);
@@ -139,21 +139,21 @@ void bind_family(nb::module_& m) {
     nb::class_<BoundFamily>(m, "OrbitFamily", "Steps along a family of orbits, with test functions.")
         .def(
             "__init__",
-            [](BoundFamily* self, BoundProblem& problem, const std::vector<int>& kinds, std::vector<double> singular,
+            [](BoundFamily* self, BoundAny& problem, const std::vector<int>& kinds, std::vector<double> singular,
                double low, double high, double longest, double tangent_noise, std::vector<double> targets, int computed,
-               int maximum) {
+               int maximum, bool neutral) {
                 require_size("singular", singular.size(), kinds.size());
-                if (computed != 1) require_size("test functions", computed, problem.problem->tests(int(targets.size())));
+                if (computed != 1) require_size("test functions", computed, problem.any->tests(int(targets.size())));
                 if (int(kinds.size()) > computed) throw nb::value_error("more test functions are watched than computed");
                 require_iterations(maximum);
                 new (self) BoundFamily(problem, {{kinds_of(kinds), std::move(singular)},
-                                                 {low, high, longest, tangent_noise, std::move(targets)},
+                                                 {low, high, longest, tangent_noise, std::move(targets), neutral},
                                                  computed,
                                                  maximum});
             },
             nb::keep_alive<1, 2>(), nb::arg("problem"), nb::arg("kinds"), nb::arg("singular"), nb::arg("low"),
             nb::arg("high"), nb::arg("longest"), nb::arg("tangent_noise"), nb::arg("targets"), nb::arg("computed"),
-            nb::arg("maximum"))
+            nb::arg("maximum"), nb::arg("neutral") = false)
         .def("step", &bound_land, Released(),
              "Take one step into the first row of a block; whether it leads to an orbit.")
         .def("values", &bound_values, "The test functions at an observed orbit.")

@@ -10,38 +10,38 @@ namespace {
 using Released = nb::call_guard<nb::gil_scoped_release>;
 
 /// The arrays that a step fills, with their sizes checked.
-Landing landing_of(const BoundProblem& self, OutVector& y, OutVector& tangent, OutVector& position, OutMatrix& ends,
+Landing landing_of(const BoundAny& self, OutVector& y, OutVector& tangent, OutVector& position, OutMatrix& ends,
                    OutVector& result) {
-    const size_t u = self.unknowns(), n = self.problem->size(), flights = self.problem->inner() + 1;
+    const size_t u = self.unknowns(), n = self.any->size(), flights = self.any->inner() + 1;
     require_size("unknowns", y.shape(0), u);
     if (tangent.shape(0) != 2 * u && tangent.shape(0) != 3 * u) require_size("a tangent", tangent.shape(0), 2 * u);
-    require_size("a position", position.shape(0), n + 2);
+    require_size("a position", position.shape(0), self.any->coordinates());
     require_size("flights", ends.shape(0), flights);
     require_size("a state", ends.shape(1), n);
     require_size("a point", result.shape(0), POINT_SIZE);
     return {view(y), view(tangent), view(position), Vector<double>(ends.data(), flights * n)};
 }
 
-bool bound_step(BoundProblem& self, InVector y, InVector tangent, double ds, int maximum, bool full, OutVector out_y,
+bool bound_step(BoundAny& self, InVector y, InVector tangent, double ds, int maximum, bool full, OutVector out_y,
                 OutVector out_tangent, OutVector out_position, OutMatrix out_ends, OutVector out_point) {
     require_size("unknowns", y.shape(0), self.unknowns());
     if (tangent.shape(0) < 2 * self.unknowns()) require_size("a tangent", tangent.shape(0), 2 * self.unknowns());
     require_iterations(maximum);
     const Landing landing = landing_of(self, out_y, out_tangent, out_position, out_ends, out_point);
     Point point;
-    const bool found = self.problem->step(view(y), view(tangent), ds, maximum, full, landing, point);
+    const bool found = self.any->step(view(y), view(tangent), ds, maximum, full, landing, point);
     point.write(out_point.data());
     return found;
 }
 
-bool bound_correct(BoundProblem& self, InVector y, InVector row, double target, int maximum, OutVector out_y,
+bool bound_correct(BoundAny& self, InVector y, InVector row, double target, int maximum, OutVector out_y,
                    OutVector out_tangent, OutVector out_position, OutMatrix out_ends, OutVector out_point) {
     require_size("unknowns", y.shape(0), self.unknowns());
     require_size("a row", row.shape(0), self.unknowns());
     require_iterations(maximum);
     const Landing landing = landing_of(self, out_y, out_tangent, out_position, out_ends, out_point);
     Point point;
-    const bool found = self.problem->correct(view(y), view(row), target, maximum, landing, point);
+    const bool found = self.any->correct(view(y), view(row), target, maximum, landing, point);
     point.write(out_point.data());
     return found;
 }
@@ -67,12 +67,12 @@ nb::tuple bound_unfold(BoundProblem& self, InVector y) {
     return nb::make_tuple(numpy_matrix(nodes.before), numpy_matrix(nodes.after), numpy_of(nodes.duration), node, period.lead());
 }
 
-nb::tuple bound_course(BoundProblem& self, InVector y, InVector tangent) {
+nb::tuple bound_course(BoundAny& self, InVector y, InVector tangent) {
     require_size("unknowns", y.shape(0), self.unknowns());
     require_size("a tangent", tangent.shape(0), self.unknowns());
-    const int size = self.problem->size() + 2;
+    const int size = self.any->coordinates();
     NewVector position = new_vector(size), direction = new_vector(size);
-    const Course found = self.problem->course(view(y), view(tangent), {position.data(), size_t(size)},
+    const Course found = self.any->course(view(y), view(tangent), {position.data(), size_t(size)},
                                               {direction.data(), size_t(size)});
     return nb::make_tuple(position, direction, found.energy, found.alpha, found.change, found.length);
 }
@@ -90,15 +90,15 @@ bool bound_meet(BoundProblem& self, InVector position, double near, int most, In
 }
 
 /// Directions of a derivative, one in a row.
-NewVector bound_derivative(BoundProblem& self, InVector y, InMatrix directions) {
+NewVector bound_derivative(BoundAny& self, InVector y, InMatrix directions) {
     const size_t u = self.unknowns();
     require_size("unknowns", y.shape(0), u);
     require_size("a direction", directions.shape(1), u);
     NewVector out = new_vector(int(u) - 1);
     const Matrix<const double> a = view(directions);
     Vector<double> values(out.data(), u - 1);
-    if (a.rows() == 2) self.problem->bend(view(y), a[0], a[1], values);
-    else if (a.rows() == 3) self.problem->twist(view(y), a[0], a[1], a[2], values);
+    if (a.rows() == 2) self.any->bend(view(y), a[0], a[1], values);
+    else if (a.rows() == 3) self.any->twist(view(y), a[0], a[1], a[2], values);
     else throw nb::value_error("a second derivative has two directions, a third one three");
     return out;
 }
@@ -131,26 +131,24 @@ void define_constructor(Class& bound) {
 
 void bind_orbit(nb::module_& m) {
     m.attr("POINT_NAMES") = nb::cast(std::vector<std::string>(POINT_NAMES.begin(), POINT_NAMES.end()));
-    nb::class_<BoundProblem> bound(m, "OrbitProblem", "The multipoint problem of an impacting orbit, equation (30).");
-    define_constructor<LinearFlight<>>(bound);
-    define_constructor<SmoothFlight<>>(bound);
-    bound.def_prop_ro("unknowns", &BoundProblem::unknowns)
+    nb::class_<BoundAny>(m, "AnyProblem", "A multipoint problem.")
+        .def_prop_ro("unknowns", &BoundAny::unknowns)
         .def(
             "residual",
-            [](BoundProblem& self, InVector y) {
+            [](BoundAny& self, InVector y) {
                 require_size("unknowns", y.shape(0), self.unknowns());
                 NewVector out = new_vector(int(self.unknowns()) - 1);
-                self.problem->residual(view(y), {out.data(), self.unknowns() - 1});
+                self.any->residual(view(y), {out.data(), self.unknowns() - 1});
                 return out;
             },
             nb::arg("y"), "F(y).")
         .def(
             "jacobian",
-            [](BoundProblem& self, InVector y) {
+            [](BoundAny& self, InVector y) {
                 const int u = int(self.unknowns());
                 require_size("unknowns", y.shape(0), u);
                 NewMatrix out = new_matrix(u - 1, u);
-                self.problem->jacobian(view(y), Matrix<double>(out.data(), u - 1, u));
+                self.any->jacobian(view(y), Matrix<double>(out.data(), u - 1, u));
                 return out;
             },
             nb::arg("y"), "F'(y), dense.")
@@ -158,13 +156,43 @@ void bind_orbit(nb::module_& m) {
              "The second derivative along two directions, or the third along three: the rows of `directions`.")
         .def(
             "scales",
-            [](BoundProblem& self, InVector y) {
+            [](BoundAny& self, InVector y) {
                 require_size("unknowns", y.shape(0), self.unknowns());
                 NewVector out = new_vector(int(self.unknowns()));
-                self.problem->scales(view(y), {out.data(), self.unknowns()});
+                self.any->scales(view(y), {out.data(), self.unknowns()});
                 return out;
             },
             nb::arg("y"), "Typical size of each unknown.")
+        .def(
+            "observe",
+            [](BoundAny& self, InVector y, InMatrix ends, OutVector out_point) {
+                require_size("unknowns", y.shape(0), self.unknowns());
+                require_size("states", ends.size(), (self.any->inner() + 1) * self.any->size());
+                require_size("a point", out_point.shape(0), POINT_SIZE);
+                Point point = Point::read(out_point.data());
+                self.any->observe(view(y), {ends.data(), ends.size()}, point);
+                point.write(out_point.data());
+            },
+            nb::arg("y"), nb::arg("ends"), nb::arg("point"),
+            "Fill what is seen along an orbit's flights, and its multipliers.")
+        .def("course", &bound_course, nb::arg("y"), nb::arg("tangent"),
+             "(position, direction along a tangent, energy, quarter period, change of the energy, length of the direction).")
+        .def(
+            "constraint_row",
+            [](BoundAny& self, InVector y, InVector direction) {
+                require_size("unknowns", y.shape(0), self.unknowns());
+                require_size("a direction", direction.shape(0), self.any->coordinates());
+                NewVector out = new_vector(int(self.unknowns()));
+                self.any->constraint_row(view(y), view(direction), {out.data(), self.unknowns()});
+                return out;
+            },
+            nb::arg("y"), nb::arg("direction"), "The row r with r . dy = <direction, change of the position along dy>.")
+        .def("step", &bound_step, Released(), "Step by ds along the family from y with its tangent; fills the arrays.")
+        .def("correct", &bound_correct, Released(), "Correct y on the plane row . y = target; fills the arrays.");
+    nb::class_<BoundProblem, BoundAny> bound(m, "OrbitProblem", "The multipoint problem of an impacting orbit, equation (30).");
+    define_constructor<LinearFlight<>>(bound);
+    define_constructor<SmoothFlight<>>(bound);
+    bound
         .def(
             "growth",
             [](BoundProblem& self, InVector y) {
@@ -175,18 +203,6 @@ void bind_orbit(nb::module_& m) {
         .def("unfold", &bound_unfold, nb::arg("y"),
              "The nodes of the full period: states before and after them, the durations of the flights that follow, the node of the "
              "problem that each is an image of, and the time to the first one.")
-        .def("course", &bound_course, nb::arg("y"), nb::arg("tangent"),
-             "(position, direction along a tangent, energy, quarter period, change of the energy, length of the direction).")
-        .def(
-            "constraint_row",
-            [](BoundProblem& self, InVector y, InVector direction) {
-                require_size("unknowns", y.shape(0), self.unknowns());
-                require_size("a direction", direction.shape(0), self.problem->size() + 2);
-                NewVector out = new_vector(int(self.unknowns()));
-                self.problem->constraint_row(view(y), view(direction), {out.data(), self.unknowns()});
-                return out;
-            },
-            nb::arg("y"), nb::arg("direction"), "The row r with r . dy = <direction, change of the position along dy>.")
         .def(
             "end_states",
             [](BoundProblem& self, InVector y) {
@@ -208,20 +224,6 @@ void bind_orbit(nb::module_& m) {
                 return out;
             },
             nb::arg("start"), nb::arg("times"), "States after the inner nodes, by exact flight.")
-        .def(
-            "observe",
-            [](BoundProblem& self, InVector y, InMatrix ends, OutVector out_point) {
-                require_size("unknowns", y.shape(0), self.unknowns());
-                require_size("states", ends.size(), (self.problem->inner() + 1) * self.problem->size());
-                require_size("a point", out_point.shape(0), POINT_SIZE);
-                Point point = Point::read(out_point.data());
-                self.problem->observe(view(y), {ends.data(), ends.size()}, point);
-                point.write(out_point.data());
-            },
-            nb::arg("y"), nb::arg("ends"), nb::arg("point"),
-            "Fill what is seen along an orbit's flights, and its multipliers.")
-        .def("step", &bound_step, Released(), "Step by ds along the family from y with its tangent; fills the arrays.")
-        .def("correct", &bound_correct, Released(), "Correct y on the plane row . y = target; fills the arrays.")
         .def("solve", &bound_solve, Released(), "Solve near y at an energy or a quarter period; fills the arrays.")
         .def("meet_position", &bound_meet, Released(), "Find the family's orbit at a position; fills the arrays.");
 }

@@ -15,8 +15,15 @@ inline void require_iterations(int most) {
     if (most < 0 || most > 1000) throw nb::value_error("the most iterations are from 0 to 1000");
 }
 
+/// What Python can do with any multipoint problem.
+class BoundAny {
+public:
+    AnyProblem* any = nullptr;  // owned by the kind of problem
+    size_t unknowns() const { return any->unknowns(); }
+};
+
 /// A multipoint problem with flights of any kind, compiled for a number of states or for any.
-class BoundProblem {
+class BoundProblem : public BoundAny {
 public:
     template <class Flight>
     BoundProblem(const Flight& flight, const Contacts& contacts, std::vector<int> contact, Closure closure, Watch watch) {
@@ -59,10 +66,10 @@ public:
         require_size("motions", watch.held.rows() + watch.free.rows(), size / 2);
         if (watch.held.rows() < 1 || (size == 4 && watch.held.rows() != 2)) throw nb::value_error("too few motions are held");
         problem = make(flight, contacts, std::move(closure), std::move(contact), std::move(watch));
+        any = problem.get();
     }
 
     std::unique_ptr<AnyOrbitProblem> problem;
-    size_t unknowns() const { return problem->unknowns(); }
 
 private:
     static std::unique_ptr<AnyOrbitProblem> make(const LinearFlight<>& flight, const Contacts& contacts,

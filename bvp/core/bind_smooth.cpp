@@ -3,66 +3,12 @@
 
 #include <nanobind/stl/shared_ptr.h>
 
-#include "bindings.hpp"
+#include "bind_program.hpp"
 #include "smooth_flight.hpp"
 
 namespace saltus {
 
 namespace {
-
-/// An index that Python gives, checked.
-int index(int64_t i, int count, const char* what) {
-    if (i < 0 || i >= count)
-        throw nb::value_error((std::string("a program has no ") + what + " " + std::to_string(i)).c_str());
-    return int(i);
-}
-
-/// The arrays of `bvp.kernels.jets.JetProgram`.
-ForceProgram force_program(int inputs, InPairs code, InVector numbers, InIndices forces, InPairs slopes, int registers) {
-    using Code = ForceProgram::Code;
-    require_size("an operation", code.shape(1), 4);
-    require_size("a derivative", slopes.shape(1), 3);
-    ForceProgram out;
-    out.inputs = inputs, out.registers = registers;
-    out.numbers = own(numbers);
-    for (size_t i = 0; i < code.shape(0); ++i) {
-        const int64_t* entry = code.data() + 4 * i;
-        const Code operation = Code(index(entry[0], Code::SINH + 1, "operation"));
-        const bool by_number = operation >= Code::SCALE && operation <= Code::EVEN_POWER;
-        const bool writes_two = operation == Code::SIN || operation == Code::SINH;
-        const int second = by_number ? index(entry[3], int(out.numbers.size()), "number") : index(entry[3], registers, "register");
-        out.operations.push_back({operation, index(entry[1], registers - writes_two, "register"),
-                                  index(entry[2], registers, "register"), second});
-    }
-    for (size_t f = 0; f < forces.shape(0); ++f) out.forces.push_back(index(forces.data()[f], registers, "register"));
-    for (size_t d = 0; d < slopes.shape(0); ++d) {
-        const int64_t* entry = slopes.data() + 3 * d;
-        out.slopes.push_back({index(entry[0], int(out.forces.size()), "force"), index(entry[1], inputs, "input"),
-                              index(entry[2], registers, "register")});
-    }
-    std::stable_sort(out.slopes.begin(), out.slopes.end(), [](const auto& a, const auto& b) { return a.input < b.input; });
-    return out;
-}
-
-/// The arrays of `bvp.kernels.expressions.Program`.
-Formulas formulas(int parameters, InPairs code, InVector constants, InIndices outputs) {
-    using Code = Formulas::Code;
-    require_size("an operation", code.shape(1), 3);
-    Formulas out;
-    out.parameters = parameters;
-    out.constants = own(constants);
-    const int first = parameters + int(constants.shape(0)), registers = first + int(code.shape(0));
-    for (size_t i = 0; i < code.shape(0); ++i) {
-        const int64_t* entry = code.data() + 3 * i;
-        const Code operation = Code(index(entry[0], Code::SIGN + 1, "operation"));
-        const int known = first + int(i);
-        const bool has_two = operation < Code::INTEGER_POWER;
-        const int second = has_two ? index(entry[2], known, "register") : int(entry[2]);  // an exponent, or of no use
-        out.operations.push_back({operation, index(entry[1], known, "register"), second});
-    }
-    for (size_t k = 0; k < outputs.shape(0); ++k) out.outputs.push_back(index(outputs.data()[k], registers, "register"));
-    return out;
-}
 
 using Flight = SmoothFlight<>;
 
@@ -131,10 +77,8 @@ void bind_smooth(nb::module_& m) {
                  require_size("the forces", forces.shape(0), push.shape(1));
                  require_size("weights", weights.shape(0), size);
                  require_size("the potential", potential_outputs.shape(0), 1);
-                 if (keep < 1 || keep > 100'000) throw nb::value_error("from 1 to 100000 flights are kept");
-                 if (most_steps < 1 || most_steps > 1'000'000) throw nb::value_error("a flight has from 1 to a million steps");
-                 if (registers < int(inputs.shape(0)) || registers > 1'000'000)
-                     throw nb::value_error("a program has a register for each input, and a million at most");
+                 require_flights(keep, most_steps);
+                 require_registers(registers, int(inputs.shape(0)));
                  if (!called.is_none() && energy.is_none()) throw nb::value_error("forces that are called need an energy");
                  SmoothEquations equations;
                  equations.linear = SparseRows(view(matrix).rows(int(size / 2), int(size / 2)));
@@ -143,6 +87,7 @@ void bind_smooth(nb::module_& m) {
                  equations.push = SparseRows(view(push));
                  equations.weights = own(weights);
                  equations.program = force_program(int(inputs.shape(0)), code, numbers, forces, slopes, registers);
+                 equations.numbers = equations.program.numbers;
                  equations.potential = formulas(int(inputs.shape(0)), potential_code, potential_constants, potential_outputs);
                  equations.most_steps = most_steps;
                  if (!called.is_none()) equations.called = called_forces(std::move(called), std::move(energy));

@@ -125,6 +125,7 @@ void bind_flight(nb::module_& m);
 void bind_dense(nb::module_& m);
 void bind_elimination(nb::module_& m);
 void bind_orbit(nb::module_& m);
+void bind_forced(nb::module_& m);
 void bind_family(nb::module_& m);
 void bind_events(nb::module_& m);
 void bind_multipliers(nb::module_& m);

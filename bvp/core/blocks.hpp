@@ -120,9 +120,10 @@ inline Square2<T> flow_pair(const Block& b, const T& t) {
     return {c + s * (b.b11 - b.mean), s * b.b12, s * b.b21, c + s * (b.b22 - b.mean)};
 }
 
-/// exp(B t) of a larger block into out (s, s): Taylor's series, scaled and squared.
-template <class T>
-void flow_large(Matrix<const double> matrix, const Block& block, const T& t, Matrix<T> out);
+/// exp(B t) into out (s, s) for the s rows and columns of a matrix from `start` on: Taylor's series, scaled and squared.
+/// Entries are doubles or of the type of t.
+template <class M, class T>
+void flow_large(Matrix<const M> matrix, int start, int size, const T& t, Matrix<T> out);
 
 /// Bounds of a functional and of its second and third derivative over a flight.
 struct Bounds {
@@ -139,14 +140,13 @@ double growth_of(Matrix<const double> matrix, const Block& block);
 /// A rate that bounds how fast the terms of the series of exp(B t) can grow.
 double fastest_of(Matrix<const double> matrix, const Block& block);
 
-template <class T>
-void flow_large(Matrix<const double> matrix, const Block& block, const T& t, Matrix<T> out) {
+template <class M, class T>
+void flow_large(Matrix<const M> matrix, int start, int size, const T& t, Matrix<T> out) {
     constexpr int TERMS = 18;  // truncation below 1e-22 at a norm of 1/2
-    const int start = block.first, size = block.size();
     double norm = 0.0;
     for (int r = 0; r < size; ++r) {
         double row = 0.0;
-        for (int c = 0; c < size; ++c) row += std::fabs(matrix(start + r, start + c));
+        for (int c = 0; c < size; ++c) row += std::fabs(value(matrix(start + r, start + c)));
         norm = std::fmax(norm, row);
     }
     norm *= std::fabs(value(t));

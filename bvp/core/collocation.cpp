@@ -142,11 +142,11 @@ void solve_with(const Array<>& a, const std::vector<int>& pivots, Array<>& right
 }  // namespace
 
 Collocation::Collocation(const SmoothEquations& equations)
-    : equations_(equations), begin_(1, equations.size()), columns_(equations.size(), equations.size()),
+    : equations_(equations), begin_(1, equations.size()), columns_(equations.size(), columns()),
       rates_(STAGES, half()), before_(STAGES, half()), states_(STAGES, equations.size()),
       values_(equations.program.registers, STAGES), slopes_(STAGES, half() * equations.size()),
-      matrix_(STAGES * half(), STAGES * half()), right_(STAGES * half(), equations.size()),
-      moved_(STAGES * equations.size(), equations.size()), others_(OTHERS, equations.size()),
+      matrix_(STAGES * half(), STAGES * half()), right_(STAGES * half(), columns()),
+      moved_(STAGES * equations.size(), columns()), others_(OTHERS, equations.size()),
       polynomial_(ORDER + 1, equations.size()), pivots_(STAGES * half()) {}
 
 void Collocation::fly(Values z, double t, bool with_map, TaylorPath& path) {
@@ -160,7 +160,7 @@ void Collocation::fly(Values z, double t, bool with_map, TaylorPath& path) {
     if (whole != whole) return;
     copy(z, begin_[0]);
     for (int r = 0; r < size; ++r)
-        for (int c = 0; c < size; ++c) columns_(r, c) = r == c ? 1.0 : 0.0;
+        for (int c = 0; c < columns(); ++c) columns_(r, c) = r == c ? 1.0 : 0.0;
     next_ = first_length(whole);
     last_ = 0.0;
     for (double at = 0.0; at < whole;) {
@@ -174,7 +174,7 @@ void Collocation::fly(Values z, double t, bool with_map, TaylorPath& path) {
             // The columns at the end of the step: Gauss's rule for velocities and accelerations.
             const auto& weights = tables().areas[OTHERS - 1];
             const int n = half();
-            for (int c = 0; c < size; ++c)
+            for (int c = 0; c < columns(); ++c)
                 for (int r = 0; r < n; ++r) {
                     double by_place = 0.0, by_speed = 0.0;
                     for (int j = 0; j < STAGES; ++j) {
@@ -195,7 +195,10 @@ void Collocation::fly(Values z, double t, bool with_map, TaylorPath& path) {
     }
     path.end.assign(begin_[0].begin(), begin_[0].end());
     path.complete = true;
-    if (with_map) path.map = columns_;
+    if (!with_map) return;
+    path.map = Array<>(size, size), path.along = Array<>(size, columns() - size);
+    for (int r = 0; r < size; ++r)
+        for (int c = 0; c < columns(); ++c) (c < size ? path.map(r, c) : path.along(r, c - size)) = columns_(r, c);
 }
 
 /// A length of the first step, from the forces' derivatives at its begin.
@@ -408,30 +411,30 @@ double Collocation::worst_defect(double h, double& speed) {
 /// The accelerations of the columns at the points, from the linearised equations, into `right_`; the columns there into
 /// `moved_`. Returns whether their last Legendre coefficients are small.
 bool Collocation::carry(double h) {
-    const int size = equations_.size(), n = half();
+    const int size = equations_.size(), n = half(), all = columns();
     const Tables& table = tables();
     for (int i = 0; i < STAGES; ++i)
-        for (int c = 0; c < size; ++c) {
+        for (int c = 0; c < all; ++c) {
             for (int r = 0; r < n; ++r) {
                 moved_(i * size + n + r, c) = columns_(n + r, c);
                 moved_(i * size + r, c) = columns_(r, c) + h * table.points[i] * columns_(n + r, c);
             }
             for (int r = 0; r < n; ++r) {
-                double total = 0.0;
+                double total = c < size ? 0.0 : source(equations_.sources[c - size], i, r);
                 for (int s = 0; s < size; ++s) total += slopes_(i, r * size + s) * moved_(i * size + s, c);
                 right_(i * n + r, c) = total;
             }
         }
     if (!linearise(h)) return false;
-    solve_with(matrix_, pivots_, right_, size);
+    solve_with(matrix_, pivots_, right_, all);
     for (int i = 0; i < STAGES; ++i)
         for (int j = 0; j < STAGES; ++j)
             for (int r = 0; r < n; ++r)
-                for (int c = 0; c < size; ++c) {
+                for (int c = 0; c < all; ++c) {
                     moved_(i * size + n + r, c) += h * table.integrals[i][j] * right_(j * n + r, c);
                     moved_(i * size + r, c) += h * h * table.twice[i][j] * right_(j * n + r, c);
                 }
-    for (int c = 0; c < size; ++c) {
+    for (int c = 0; c < all; ++c) {
         double largest = 0.0, last = 0.0;
         for (int r = 0; r < n; ++r) {
             double tail = 0.0;
@@ -444,6 +447,15 @@ bool Collocation::carry(double h) {
         if (!(last <= RESOLVED_PART * largest)) return false;
     }
     return true;
+}
+
+/// What a source adds to the acceleration of coordinate r at a point of a step.
+double Collocation::source(const MotionSource& source, int point, int r) const {
+    double total = source.linear.times(r, &states_(point, 0));
+    for (int f = 0; f < source.push.columns(); ++f) total += source.push(r, f) * values_(equations_.program.forces[f], point);
+    for (const auto& change : source.changes)
+        total += equations_.dense_push(r, change.force) * change.weight * values_(change.result, point);
+    return total;
 }
 
 /// The polynomials of the step in powers of the time from its begin.

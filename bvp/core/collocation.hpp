@@ -38,14 +38,18 @@ private:
     double acceleration(Values z, int column, int r) const;
     double worst_defect(double h, double& speed);
     bool carry(double h);
+    double source(const MotionSource& source, int point, int r) const;
     void write_polynomials(double h);
 
     const SmoothEquations& equations_;
-    Array<> begin_, columns_;           // (1, N) state at the begin of the step; (N, N) its derivatives by the flight's begin
+    /// Columns of derivatives: by the begin of the flight, and by the sources.
+    int columns() const { return equations_.size() + int(equations_.sources.size()); }
+
+    Array<> begin_, columns_;           // (1, N) state at the begin of the step; (N, N + P) its derivatives
     Array<> rates_, before_;            // (S, n) accelerations at the points; Legendre coefficients of those of the step before
     Array<> states_, values_;           // (S, N) at the points; (registers, S) inputs, forces and derivatives there
     Array<> slopes_;                    // (S, n N) derivatives of the accelerations by the state
-    Array<> matrix_, right_, moved_;    // (S n, S n) with its factors; (S n, N); (S N, N) columns at the points
+    Array<> matrix_, right_, moved_;    // (S n, S n) with its factors; (S n, N + P); (S N, N + P) columns at the points
     Array<> others_, polynomial_;       // (D, N) states between the points; (ORDER + 1, N)
     std::vector<int> pivots_;
     bool has_map_ = false;

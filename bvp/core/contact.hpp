@@ -19,8 +19,8 @@ struct Contacts {
 };
 
 /// out = z - jump push (rate . z), equation (4): jump = 1 + r; 0 leaves the impact out. `out` may be z.
-template <class Z, class J, class Out>
-inline void apply_impact(Values rate, Values push, const J& jump, const Z& z, Out&& out) {
+template <class P, class Z, class J, class Out>
+inline void apply_impact(Values rate, const P& push, const J& jump, const Z& z, Out&& out) {
     const auto change = jump * dot(rate, z);
     for (int r = 0; r < int(rate.size()); ++r) out[r] = z[r] - push[r] * change;
 }

@@ -8,6 +8,8 @@
 /// both backward stable, for whatever growth the blocks have. The cost is linear in the number of blocks.
 #pragma once
 
+#include <algorithm>
+
 #include "array.hpp"
 #include "blocks.hpp"
 
@@ -22,19 +24,24 @@ class BlockElimination {
 public:
     /// blocks: their number. start: unknowns of the first block; each later one has m. closers: closing equations; they
     /// are of the last block's unknowns alone, or (couples) of any.
-    BlockElimination(int blocks, int block_size, int start, int closers, bool couples)
-        : blocks_(blocks), m_(block_size), start_(start), closers_(closers),
-          closing_first_(couples || blocks == 0 ? 0 : blocks - 1), unknowns_(blocks * block_size + closers + 1),
-          window_(blocks * (2 * block_size + start), block_size), closing_(unknowns_, closers),
-          reflectors_(blocks * block_size, start + block_size), closing_reflectors_(closers, closers + 1),
-          length_(blocks * block_size), diagonal_(unknowns_ - 1), factor_(unknowns_ - 1), norm_(unknowns_ - 1) {}
+    /// shared: the last unknowns, which may be in all equations. In J^T their rows would fill all others. So each block
+    /// gets copies of its own, and equations that make them equal. These copies are in all that follows called unknowns.
+    BlockElimination(int blocks, int block_size, int start, int closers, bool couples, int shared = 0)
+        : blocks_(blocks), m_(block_size + shared), start_(start + shared), closers_(closers), shared_(shared),
+          closing_first_(couples || blocks == 0 ? 0 : blocks - 1), unknowns_(blocks * m_ + closers + 1),
+          window_(blocks * (2 * m_ + start_), m_), closing_(unknowns_, closers),
+          reflectors_(blocks * m_, start_ + m_), closing_reflectors_(closers, closers + 1), length_(blocks * m_),
+          diagonal_(unknowns_ - 1), factor_(unknowns_ - 1), norm_(unknowns_ - 1), copies_(shared > 0 ? unknowns_ : 0),
+          spread_(std::sqrt(blocks + 1.0)) {}
 
-    int unknowns() const { return unknowns_; }
+    /// Number of unknowns with one copy of each shared one.
+    int unknowns() const { return unknowns_ - blocks_ * shared_; }
     int blocks() const { return blocks_; }
-    int block_size() const { return m(); }
-    /// Whether the equations of block i can have an unknown.
+    /// Equations of a block, without those that make copies equal.
+    int block_size() const { return m() - shared_; }
+    /// Whether the equations of block i can have an unknown, which is not shared.
     bool has(int i, int unknown) const {
-        const int row = unknown - (i - 1) * m();
+        const int row = place(unknown) - (i - 1) * m();
         return (i > 0 ? 0 : m()) <= row && row < window_rows();
     }
 
@@ -42,20 +49,35 @@ public:
     void clear() {
         std::fill(window_.data(), window_.data() + window_.rows() * window_.columns(), 0.0);
         std::fill(closing_.data(), closing_.data() + closing_.rows() * closing_.columns(), 0.0);
+        for (int i = 0; i < blocks_; ++i)
+            for (int j = 0; j < shared_; ++j) {
+                window(i, m() + start_ - shared_ + j)[m() - shared_ + j] = 1.0;
+                window(i, 2 * m() + start_ - shared_ + j)[m() - shared_ + j] = -1.0;
+            }
     }
-    /// The entries of one unknown in the equations of block i, (m,).
-    double* entries(int i, int unknown) { return window(i, unknown - (i - 1) * m()); }
+    /// The entries of one unknown, which is not shared, in the equations of block i, (m,).
+    double* entries(int i, int unknown) { return window(i, place(unknown) - (i - 1) * m()); }
     /// Its entries in the closing equations, (c,).
-    double* closing(int unknown) { return closing_.data() + std::ptrdiff_t(unknown) * closers_; }
+    double* closing(int unknown) { return closing_row(place(unknown)); }
+    /// The same of a shared unknown, of which the entries are those of an unknown of size `spread`.
+    double* shared_entries(int i, int j) { return window(i, m() + start_ - shared_ + j); }
+    double* shared_closing(int j) { return closing_row(copy_of(blocks_, j)); }
+    /// What an unknown is multiplied by that stands for all copies of it: a vector is then as long as with one copy.
+    double spread() const { return spread_; }
 
     /// The matrix J of the entries, (u - 1, u), before `factorise`.
     void dense(Matrix<double> out) {
         std::fill(out.data(), out.data() + out.rows() * out.columns(), 0.0);
+        const int rows = m() - shared_;
         for (int i = 0; i < blocks_; ++i)
-            for (int r = i > 0 ? 0 : m(); r < window_rows(); ++r)
-                for (int e = 0; e < m(); ++e) out(i * m() + e, (i - 1) * m() + r) = window(i, r)[e];
-        for (int r = 0; r < unknowns_; ++r)
-            for (int e = 0; e < closers_; ++e) out(blocks_ * m() + e, r) = closing(r)[e];
+            for (int r = i > 0 ? 0 : m(); r < window_rows(); ++r) {
+                const auto [column, factor] = unknown_of((i - 1) * m() + r);
+                for (int e = 0; e < rows; ++e) out(i * rows + e, column) += factor * window(i, r)[e];
+            }
+        for (int r = 0; r < unknowns_; ++r) {
+            const auto [column, factor] = unknown_of(r);
+            for (int e = 0; e < closers_; ++e) out(blocks_ * rows + e, column) += factor * closing_row(r)[e];
+        }
     }
 
     /// Sign of the determinant that goes with the null vector, and smallest diagonal entry of R as a part of the length
@@ -80,7 +102,16 @@ public:
     }
 
     /// out = the least-norm solution of J out = right; `right` is overwritten.
-    void solve(Vector<double> right, Vector<double> out) const {
+    void solve(Vector<double> right, Vector<double> out) {
+        if (shared_ > 0) {
+            const int rows = m() - shared_;
+            std::fill(copies_.begin(), copies_.end(), 0.0);
+            for (int i = 0; i < blocks_; ++i) std::copy_n(&right[i * rows], rows, &copies_[i * m()]);
+            std::copy_n(&right[blocks_ * rows], closers_, &copies_[blocks_ * m()]);
+            forward({copies_.data(), size_t(unknowns_ - 1)});
+            apply_reflectors(copies_);
+            return gather(out);
+        }
         forward(right);
         std::copy(right.begin(), right.begin() + unknowns_ - 1, out.begin());
         out[unknowns_ - 1] = 0.0;
@@ -89,16 +120,19 @@ public:
 
     /// The null vector of J, of unit length. Its entry along the last reflected axis is positive: the sign of `Pivots`
     /// is for this.
-    void null_vector(Vector<double> out) const {
-        std::fill(out.begin(), out.end(), 0.0);
-        out[unknowns_ - 1] = 1.0;
-        apply_reflectors(out);
+    void null_vector(Vector<double> out) {
+        const Vector<double> x = shared_ > 0 ? Vector<double>(copies_) : out;
+        std::fill(x.begin(), x.end(), 0.0);
+        x[unknowns_ - 1] = 1.0;
+        apply_reflectors(x);
+        if (shared_ > 0) gather(out);
     }
 
     /// Size of the smallest singular value of J with its equations scaled to length 1: from the growth of two right
     /// sides of unit entries with irregular signs. right (u - 1,): scratch.
-    double conditioning(Vector<double> right) const {
+    double conditioning(Vector<double> right) {
         double largest = 0.0;
+        if (shared_ > 0) right = Vector<double>(copies_.data(), unknowns_ - 1);
         for (int pattern = 0; pattern < 2; ++pattern) {
             for (int j = 0; j < unknowns_ - 1; ++j) {
                 const int k = j % 5;  // the square of a large j is no int
@@ -145,9 +179,32 @@ private:
         if constexpr (M != DYNAMIC) return M;
         return m_;
     }
+    double* closing_row(int at) { return closing_.data() + std::ptrdiff_t(at) * closers_; }
     int window_rows() const { return 2 * m() + start_; }
     double* window(int i, int r) { return window_.data() + std::ptrdiff_t(i * window_rows() + r) * m(); }
     const double* window(int i, int r) const { return window_.data() + std::ptrdiff_t(i * window_rows() + r) * m(); }
+
+    /// Where unknown x, which is not shared, stands among the copies.
+    int place(int x) const {
+        const int start = start_ - shared_;
+        if (shared_ == 0 || x < start) return x;
+        return x + shared_ * std::min(1 + (x - start) / (m() - shared_), blocks_ + 1);
+    }
+    /// Copy i of shared unknown j.
+    int copy_of(int i, int j) const { return i * m() + start_ - shared_ + j; }
+    /// The unknown at a place, and the factor of what stands there.
+    std::pair<int, double> unknown_of(int at) const {
+        const int block = at < start_ ? 0 : 1 + (at - start_) / m(), within = at < start_ ? at : (at - start_) % m();
+        const int width = (block == 0 ? start_ : m()) - shared_;
+        if (shared_ == 0 || block > blocks_) return {at - std::min(block, blocks_ + 1) * shared_, 1.0};
+        if (within >= width) return {unknowns() - shared_ + within - width, 1.0 / spread_};
+        return {at - block * shared_, 1.0};
+    }
+    /// out = the unknowns of `copies_`.
+    void gather(Vector<double> out) const {
+        for (int x = 0; x < unknowns() - shared_; ++x) out[x] = copies_[place(x)];
+        for (int j = 0; j < shared_; ++j) out[unknowns() - shared_ + j] = copies_[copy_of(0, j)] * spread_;
+    }
 
     static void subtract(const double* row, int count, double factor, double* total) {
         for (int e = 0; e < count; ++e) total[e] -= row[e] * factor;
@@ -211,7 +268,7 @@ private:
                 for (int e = 0; e < m(); ++e) norm_[i * m() + e] += window(i, r)[e] * window(i, r)[e];
         double* closing_norm = &norm_[0] + blocks_ * m();
         for (int r = 0; r < unknowns_; ++r)
-            for (int e = 0; e < closers_; ++e) closing_norm[e] += closing(r)[e] * closing(r)[e];
+            for (int e = 0; e < closers_; ++e) closing_norm[e] += closing_row(r)[e] * closing_row(r)[e];
         for (int e = 0; e < closers_; ++e) closing_norm[e] = std::max(closing_norm[e], least[e]);
     }
 
@@ -232,7 +289,7 @@ private:
             // What a reflection changes in columns that are eliminated already is of no use any more.
             reflect_columns<M>(v, count, factor, window(i, m() + e), m(), e + 1, m());
             if (i + 1 < blocks_) reflect_columns<M>(v, count, factor, window(i + 1, e), m(), 0, m());
-            if (i >= closing_first_) reflect_columns<DYNAMIC>(v, count, factor, closing(j), closers_, 0, closers_);
+            if (i >= closing_first_) reflect_columns<DYNAMIC>(v, count, factor, closing_row(j), closers_, 0, closers_);
         }
         return reflections;
     }
@@ -242,22 +299,24 @@ private:
         for (int e = 0; e < closers_; ++e) {
             const int j = blocks_ * m() + e, count = closers_ + 1 - e;
             double* v = closing_reflectors_[e].data();
-            for (int r = 0; r < count; ++r) v[r] = closing(j + r)[e];
+            for (int r = 0; r < count; ++r) v[r] = closing_row(j + r)[e];
             const double factor = factor_[j] = make_reflector(v, count, diagonal_[j]);
             if (factor == 0.0) continue;
             ++reflections;
-            reflect_columns<DYNAMIC>(v, count, factor, closing(j), closers_, e + 1, closers_);
+            reflect_columns<DYNAMIC>(v, count, factor, closing_row(j), closers_, e + 1, closers_);
         }
         return reflections;
     }
 
-    int blocks_, m_, start_, closers_, closing_first_, unknowns_;
+    int blocks_, m_, start_, closers_, shared_, closing_first_, unknowns_;
     Array<> window_;                           // (blocks (2 m + start), m) rows of the unknowns from block i - 1 on
     Array<> closing_;                          // (u, c)
     Array<> reflectors_, closing_reflectors_;  // each from its pivot on
     std::vector<int> length_;                  // of the reflectors
     std::vector<double> diagonal_, factor_,
         norm_;  // of R; 2/(v . v), 0: no reflection; squared lengths of the equations
+    std::vector<double> copies_;  // (u,) scratch
+    double spread_;
 };
 
 }  // namespace saltus

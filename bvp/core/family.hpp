@@ -10,6 +10,16 @@ namespace saltus {
 /// Scaled residual below which a solution is an orbit.
 inline constexpr double ACCURATE = 1e-12;
 
+/// Bounds of a family, and the traces at which periods multiply: of a quarter those of the half map, else those of the
+/// full period. Under loads the bounds are those of the parameter, and its values that are marked take the place of traces.
+struct FamilyLimits {
+    double low, high,
+        longest;  // logarithms of the energies, and of the longest quarter period; infinite where there is none
+    double tangent_noise;
+    std::vector<double> targets;
+    bool neutral = false;  // under loads: pairs of multipliers have the product 1, or one that no orbit changes
+};
+
 /// What is found of each step; row after row, the last one for a step that is tried and not plain.
 struct StepRows {
     Matrix<double> y, tangent, position;  // (rows, u), (rows, 2 u) or (rows, 3 u), (rows, N + 2)

@@ -40,6 +40,24 @@ inline double value(const Jet<T, N>& x) {
     return value(x.value);
 }
 
+/// How many products of small parts of a number can be other than zero.
+template <class T>
+inline constexpr int JET_DEPTH = 0;
+template <class T, int N>
+inline constexpr int JET_DEPTH<Jet<T, N>> = JET_DEPTH<T> + 1;
+
+/// Whether a number is 0, and all its derivatives.
+template <class T>
+bool is_zero(const T& x) {
+    if constexpr (JET_DEPTH<T> == 0) {
+        return x == 0.0;
+    } else {
+        for (const auto& slope : x.slopes)
+            if (!is_zero(slope)) return false;
+        return is_zero(x.value);
+    }
+}
+
 /// A number that is constant beside a jet over T.
 template <class S, class T>
 concept Constant = std::convertible_to<S, T>;
@@ -253,10 +271,17 @@ inline Jet<T, N> pow(const Jet<T, N>& a, double exponent) {
     return chain(whole, T(exponent * (value(a) == 0.0 ? pow(a.value, exponent - 1.0) : whole / a.value)), a);
 }
 
-/// a^b for a > 0.
+/// a^b for a > 0, and for a = 0 with b >= 0, where it does not change with b.
 template <class T, int N>
 inline Jet<T, N> pow(const Jet<T, N>& a, const Jet<T, N>& b) {
-    const T whole = pow(a.value, b.value), across = whole * log(a.value), along = b.value * (whole / a.value);
+    const T whole = pow(a.value, b.value);
+    T across(0.0), along(0.0);
+    if (value(a) != 0.0 || value(b) < 0.0) {
+        across = whole * log(a.value);
+        along = b.value * (whole / a.value);
+    } else if (value(b) > 0.0) {
+        along = b.value * pow(a.value, T(b.value - 1.0));
+    }
     Jet<T, N> out;
     out.value = whole;
     for (int i = 0; i < N; ++i) out.slopes[i] = along * a.slopes[i] + across * b.slopes[i];

@@ -29,8 +29,9 @@ public:
     template <class T>
     using State = Local<T, N>;
 
-    /// matrix (N, N) is zero outside the blocks; weights (N,): H = sum(weights z^2)/2.
-    LinearFlight(std::vector<Block> blocks, Array<> matrix, std::vector<double> weights)
+    /// matrix (N, N) is zero outside the blocks; weights (N,): H = sum(weights z^2)/2. tabled: whether many steps of fixed
+    /// length are taken.
+    LinearFlight(std::vector<Block> blocks, Array<> matrix, std::vector<double> weights, bool tabled = true)
         : blocks_(std::move(blocks)), exchanges_(blocks_.begin(), blocks_.end()), matrix_(std::move(matrix)),
           weights_(std::move(weights)) {
         for (const Block& block : blocks_) {
@@ -38,11 +39,12 @@ public:
             if (!block.is_steady()) growth_ = std::fmax(growth_, growth_of(matrix_, block));
             fastest_ = std::fmax(fastest_, fastest_of(matrix_, block));
         }
-        steps_ = StepTable(blocks_);
+        if (tabled) steps_ = StepTable(blocks_);
     }
 
-    /// The same flights, with a size that the compiler knows.
+    /// The same flights, with a size that the compiler knows in one of the two.
     template <int M>
+        requires(M != N)
     explicit LinearFlight(const LinearFlight<M>& other)
         : LinearFlight(other.blocks(), copy_of(other.matrix()), {other.weights().begin(), other.weights().end()}) {}
 
@@ -80,7 +82,7 @@ public:
                 out[i] = exp(block.mean * t) * z[i];
             } else {
                 LocalSquare<T> flow(-j);
-                flow_large<T>(matrix_, block, t, flow);
+                flow_large<double, T>(matrix_, i, -j, t, flow);
                 Local<T> ends(-j);
                 for (int r = 0; r < -j; ++r) {
                     T entry = flow(r, 0) * z[i];
@@ -104,7 +106,7 @@ public:
                 out(i, i) = exp(block.mean * t);
             } else {
                 LocalSquare<double> flow(-j);
-                flow_large<double>(matrix_, block, t, flow);
+                flow_large<double, double>(matrix_, i, -j, t, flow);
                 for (int r = 0; r < -j; ++r) copy(flow[r], out[i + r].subspan(i, -j));
             }
         }

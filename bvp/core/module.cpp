@@ -38,6 +38,7 @@ NB_MODULE(saltus_core, m) {
     saltus::bind_flight(m);
     saltus::bind_elimination(m);
     saltus::bind_orbit(m);
+    saltus::bind_forced(m);
     saltus::bind_family(m);
     saltus::bind_events(m);
     saltus::bind_multipliers(m);

@@ -8,9 +8,6 @@ namespace saltus {
 /// Scaled residual that is nothing but rounding: 9 eps, for states at the ends of flights of size 1.
 inline constexpr double RESIDUAL_ROUNDING = 2e-15;
 
-/// Scaled residual of a converged solution.
-inline constexpr double CONVERGED_RESIDUAL = 1e-15;
-
 /// Scaled residual up to which a solution that cannot be improved is accepted.
 inline constexpr double LARGEST_RESIDUAL = 1e-12;
 
@@ -19,11 +16,6 @@ inline constexpr double SHORT_UPDATE = 1e-6;
 
 /// The same, below which new derivatives shorten the next update more than those of the iterate before.
 inline constexpr double NEAR_UPDATE = 1e-2;
-
-/// Largest displacement, largest velocity (both in modal units) and longest flight of an orbit.
-struct Sizes {
-    double displacement = 1.0, velocity = 1.0, longest = 1.0;
-};
 
 /// What Newton's corrections of an orbit came to.
 struct Correction {
@@ -39,94 +31,22 @@ template <class Problem>
 class Newton {
 public:
     explicit Newton(const Problem& problem)
-        : elimination(problem.inner(), problem.rows(), problem.parameters() + 1, problem.closers(), problem.periodic()),
-          before(problem.inner() + 1, problem.size()), maps(problem.inner() + 1, problem.size() * problem.size()),
-          scale(problem.unknowns(), 1.0), null(problem.unknowns()), residual(problem.unknowns() - 1), problem_(problem),
-          update_(problem.unknowns()), least_(problem.closers()) {}
+        : elimination(problem.elimination()), flown(problem), scale(problem.unknowns(), 1.0), null(problem.unknowns()),
+          residual(problem.unknowns() - 1), problem_(problem), update_(problem.unknowns()), least_(problem.closers()) {}
 
     BlockElimination<Problem::ROWS> elimination;  // of the scaled Jacobian at the last solution
-    Array<> before,
-        maps;  // ends of the flights at the y of the last evaluation, (k + 1, N), and their derivatives (k + 1, N^2)
+    typename Problem::Flown flown;                // the flights at the y of the last evaluation
     std::vector<double> scale, null,
         residual;  // (u,) sizes of the unknowns; (u,) null vector at the last solution; (u - 1,)
 
-    /// Fill `before`, `maps` and `residual`.
-    void evaluate(Values y) {
-        const int n = problem_.size();
-        problem_.each_flight(y, [&](int i, auto z, double t) {
-            problem_.flight().end(z, t, before[i], Matrix<double>(maps[i].data(), n, n));
-        });
-        problem_.equations(y, before, residual);
-    }
+    /// Fill `flown` and `residual`.
+    void evaluate(Values y) { problem_.evaluate(y, flown, residual); }
 
     /// Fill `scale` after an evaluation at y.
-    Sizes set_scale(Values y) {
-        const int half = problem_.size() / 2, k = problem_.inner();
-        Sizes sizes{0.0, 0.0, 0.0};
-        problem_.each_flight(y, [&](int i, auto z, double t) {
-            // 2h: near the grazing of a mode the velocities at all nodes are small.
-            if (i == 0) sizes.velocity = std::sqrt(problem_.flight().twice_energy(z));
-            for (int r = 0; r < half; ++r) {
-                sizes.displacement = largest(sizes.displacement, z[r], before(i, r));
-                sizes.velocity = largest(sizes.velocity, z[half + r], before(i, half + r));
-            }
-            sizes.longest = largest(sizes.longest, t, 0.0);
-        });
-        // Between two origins only rounding is left of the displacements at the ends.
-        if (k == 0 && problem_.closure().start == End::ORIGIN && problem_.closure().finish == End::ORIGIN)
-            sizes.displacement = sizes.velocity * sizes.longest;
-        if (sizes.displacement == 0.0) sizes.displacement = 1.0;
-        if (sizes.velocity == 0.0) sizes.velocity = sizes.displacement;
-        if (sizes.longest == 0.0) sizes.longest = 1.0;
-        for (int i = 0; i <= k; ++i) {
-            for (int j = 0; j < problem_.states(i); ++j)
-                scale[problem_.begin(i) + j] =
-                    (i == 0 ? moves_displacement(j) : j < half) ? sizes.displacement : sizes.velocity;
-            scale[problem_.time(i)] = sizes.longest;
-        }
-        if (problem_.periodic()) scale[problem_.unfolding()] = 1.0;
-        return sizes;
-    }
-
-    /// The largest residual, displacements and velocities each by their own scale.
-    double scaled_residual(const Sizes& sizes) const {
-        const int n = problem_.size(), half = n / 2, rows = problem_.rows(), k = problem_.inner();
-        const int full = problem_.periodic() ? k + 1 : k;
-        double worst = 0.0;
-        auto note = [&worst](double entry, double unit) { worst = worst_of(worst, std::fabs(entry) / unit); };
-        for (int i = 0; i < full; ++i) {
-            const double* entries = &residual[i * rows];
-            const double velocity = velocity_unit(i, sizes);
-            for (int r = 0; r < n; ++r) note(entries[r], r < half ? sizes.displacement : velocity);
-            if (i < k && problem_.is_cut(i)) continue;  // each update fulfils equation (45), which is linear
-            double square = 0.0;
-            for (int r = 0; r < half; ++r) square += problem_.gap(i)[r] * problem_.gap(i)[r];
-            note(entries[n],
-                 square > 0.0 ? sizes.displacement * std::sqrt(square) : sizes.displacement);  // in units of length
-        }
-        for (int e = 0; e < int(residual.size()) - full * rows; ++e) {
-            double total = 0.0;
-            for (int c = 0; c < half; ++c) total += std::fabs(problem_.closure().end_map(e, c));
-            note(residual[full * rows + e], total > 0.0 ? sizes.displacement * total : velocity_unit(k, sizes));
-        }
-        return worst;
-    }
-
-    /// The largest factor by which perturbations grow along a flight of the last evaluation, relative to the sizes of
-    /// displacements and velocities.
-    double growth(const Sizes& sizes) const {
-        const int n = problem_.size(), half = n / 2;
-        const auto size = [&](int r) { return r < half ? sizes.displacement : sizes.velocity; };
-        double worst = 0.0;
-        for (int i = 0; i <= problem_.inner(); ++i)
-            for (int r = 0; r < n; ++r)
-                for (int c = 0; c < n; ++c)
-                    worst = worst_of(worst, std::fabs(maps(i, r * n + c)) * size(c) / size(r));
-        return worst;
-    }
+    Sizes set_scale(Values y) { return problem_.sizes(y, flown, scale); }
 
     /// Write the Jacobian at the last evaluation, at y, into the elimination, for the present scale.
-    void linearise(Values y) { problem_.linearise(y, before, maps, scale, elimination); }
+    void linearise(Values y) { problem_.linearise(y, flown, scale, elimination); }
 
     /// Correct y in place, and factorise the Jacobian at the solution.
     ///
@@ -148,7 +68,7 @@ public:
         while (true) {
             evaluate(y);
             if (found.iterations > 0) {
-                judge(progress, found, sizes, rounding);
+                judge(y, progress, found, sizes, rounding);
                 if (found.iterations == maximum && !progress.ended) {
                     found.converged = found.residual < LARGEST_RESIDUAL && (progress.length < 1e-9 || progress.noise);
                     progress.ended = true;
@@ -157,7 +77,7 @@ public:
             }
             if (progress.fresh || progress.ended || maximum == 0) sizes = set_scale(y);
             if (maximum == 0) {
-                found.residual = scaled_residual(sizes);
+                found.residual = problem_.scaled_residual(y, flown, residual, sizes);
                 found.converged = found.residual < LARGEST_RESIDUAL;
                 progress.ended = true;
             }
@@ -189,34 +109,18 @@ private:
         bool ended = false;
     };
 
-    /// The larger one; NaN if one is.
-    static double worst_of(double worst, double entry) { return entry <= worst || worst != worst ? worst : entry; }
-
-    static double largest(double a, double b, double c) { return std::max(a, std::max(std::fabs(b), std::fabs(c))); }
-
-    /// The unit of residuals of velocities at the end of flight i.
-    double velocity_unit(int i, const Sizes& sizes) const {
-        return problem_.flight().velocity_unit(before[i], sizes.velocity, sizes.longest);
-    }
-
-    /// Whether a start parameter moves displacements.
-    bool moves_displacement(int j) const {
-        for (int r = 0; r < problem_.size() / 2; ++r)
-            if (problem_.closure().start_map(r, j) != 0.0) return true;
-        return false;
-    }
-
     /// Whether the corrections have ended after an update, by the rules of `correct`.
-    void judge(Progress& progress, Correction& found, const Sizes& sizes, double rounding) {
+    void judge(Values y, Progress& progress, Correction& found, const Sizes& sizes, double rounding) {
         constexpr bool SERIES = Problem::FlightType::is_series();
         const double length = progress.length, ratio = length / progress.previous;
         progress.noise = found.residual <= RESIDUAL_ROUNDING && length < SHORT_UPDATE;
-        const double worst = found.residual = scaled_residual(sizes);
+        const double worst = found.residual = problem_.scaled_residual(y, flown, residual, sizes);
+        const double level = problem_.residual_level();
         progress.fresh = SERIES && length < NEAR_UPDATE;
         progress.previous = length;
         if (length <= rounding) {
             found.converged = progress.ended = true;
-        } else if (SERIES && length < SHORT_UPDATE && worst <= CONVERGED_RESIDUAL) {
+        } else if (SERIES && length < SHORT_UPDATE && worst <= level) {
             found.contraction = std::max(found.contraction, ratio);
             found.converged = progress.ended = true;
         } else if (found.iterations > 1) {
@@ -226,7 +130,7 @@ private:
                 return;
             }
             if (length > 1e-12 && !progress.noise) found.contraction = std::max(found.contraction, ratio);
-            if (worst <= CONVERGED_RESIDUAL && ratio <= 0.1 && ratio * length <= 0.1 * rounding)
+            if (worst <= level && ratio <= 0.1 && ratio * length <= 0.1 * rounding)
                 found.converged = progress.ended = true;
             else if (ratio > 2.0 && length > 1e-3) progress.ended = true;
             progress.fresh = progress.fresh || ratio > 0.1;
@@ -239,17 +143,9 @@ private:
         return length < SHORT_UPDATE && length * elimination.conditioning(update_) <= RESIDUAL_ROUNDING;
     }
 
-    /// Factorise the Jacobian at y, where the problem was evaluated last. The length of an equation at an end is at
-    /// least the scale of its condition: of a mode that moves alone, it is only that mode's cosine, and a pivot
-    /// relative to it would jump from -1 to 1 at zero.
+    /// Factorise the Jacobian at y, where the problem was evaluated last.
     void factorise(Values y, const Sizes& sizes, Correction& found) {
-        std::fill(least_.begin(), least_.end(), 0.0);
-        const Array<>& rows = problem_.end_columns();
-        for (int r = 0; r < rows.rows(); ++r)
-            for (int e = 0; e < rows.columns(); ++e) {
-                const double entry = rows(r, e) * (r < problem_.size() / 2 ? sizes.displacement : sizes.velocity);
-                least_[e] += entry * entry;
-            }
+        problem_.least_lengths(sizes, least_);
         linearise(y);
         const auto pivots = elimination.factorise(least_);
         found.sign = pivots.sign;

@@ -20,6 +20,14 @@
 
 namespace saltus {
 
+/// Largest displacement, largest velocity (both in modal units) and longest flight of an orbit.
+struct Sizes {
+    double displacement = 1.0, velocity = 1.0, longest = 1.0;
+};
+
+/// Scaled residual of a converged solution.
+inline constexpr double CONVERGED_RESIDUAL = 1e-15;
+
 /// Kinds of an end.
 enum class End { ORIGIN, REST, STOP, PERIODIC };
 
@@ -59,8 +67,6 @@ public:
     const Flight& flight() const { return flight_; }
     const Closure& closure() const { return closure_; }
     const Contacts& contacts() const { return contacts_; }
-    /// The transpose of L: sums over a state then run along the closing equations.
-    const Array<>& end_columns() const { return end_columns_; }
 
     constexpr int size() const { return flight_.size(); }
     /// Equations of a flight to the next node.
@@ -69,8 +75,20 @@ public:
     int inner() const { return int(contact_.size()) - 2; }
     int parameters() const { return closure_.start_map.columns(); }
     bool periodic() const { return closure_.periodic(); }
+    /// Entries of a position in arclength.
+    int coordinates() const { return size() + 2; }
     int closers() const { return periodic() ? rows() : closure_.end_map.rows(); }
     int unknowns() const { return parameters() + 1 + inner() * rows() + (periodic() ? 1 : 0); }
+
+    BlockElimination<ROWS> elimination() const { return {inner(), rows(), parameters() + 1, closers(), periodic()}; }
+
+    /// Flights of an orbit: their ends (k + 1, N), and their derivatives (k + 1, N^2) by the nodes where they begin.
+    struct Flown {
+        explicit Flown(const OrbitProblem& problem)
+            : before(problem.inner() + 1, problem.size()),
+              maps(problem.inner() + 1, problem.size() * problem.size()) {}
+        Array<> before, maps;
+    };
 
     /// Where the unknowns of flight i begin: the state (of the first flight its parameters), then its time.
     int begin(int i) const { return i == 0 ? 0 : parameters() + 1 + (i - 1) * rows(); }
@@ -157,10 +175,100 @@ public:
         }
     }
 
-    /// Write the transpose of F'(y), each unknown times its scale, into an elimination. before (k + 1, N), maps (k + 1,
-    /// N^2): ends of the flights, and their derivatives by the nodes where they begin.
+    /// F(y), and the flights.
+    void evaluate(Values y, Flown& flown, Vector<double> out) const {
+        const int n = size();
+        each_flight(y, [&](int i, auto z, double t) {
+            flight_.end(z, t, flown.before[i], Matrix<double>(flown.maps[i].data(), n, n));
+        });
+        equations(y, flown.before, out);
+    }
+
+    /// Fill the typical size of each unknown at an orbit y.
+    Sizes sizes(Values y, const Flown& flown, Vector<double> scale) const {
+        const int half = size() / 2, k = inner();
+        Sizes sizes{0.0, 0.0, 0.0};
+        each_flight(y, [&](int i, auto z, double t) {
+            // 2h: near the grazing of a mode the velocities at all nodes are small.
+            if (i == 0) sizes.velocity = std::sqrt(flight_.twice_energy(z));
+            for (int r = 0; r < half; ++r) {
+                sizes.displacement = largest(sizes.displacement, z[r], flown.before(i, r));
+                sizes.velocity = largest(sizes.velocity, z[half + r], flown.before(i, half + r));
+            }
+            sizes.longest = largest(sizes.longest, t, 0.0);
+        });
+        // Between two origins only rounding is left of the displacements at the ends.
+        if (k == 0 && closure_.start == End::ORIGIN && closure_.finish == End::ORIGIN)
+            sizes.displacement = sizes.velocity * sizes.longest;
+        if (sizes.displacement == 0.0) sizes.displacement = 1.0;
+        if (sizes.velocity == 0.0) sizes.velocity = sizes.displacement;
+        if (sizes.longest == 0.0) sizes.longest = 1.0;
+        for (int i = 0; i <= k; ++i) {
+            for (int j = 0; j < states(i); ++j)
+                scale[begin(i) + j] =
+                    (i == 0 ? moves_displacement(j) : j < half) ? sizes.displacement : sizes.velocity;
+            scale[time(i)] = sizes.longest;
+        }
+        if (periodic()) scale[unfolding()] = 1.0;
+        return sizes;
+    }
+
+    /// The largest residual, displacements and velocities each by their own scale.
+    double scaled_residual(Values, const Flown& flown, Values residual, const Sizes& sizes) const {
+        const int n = size(), half = n / 2, k = inner(), full = periodic() ? k + 1 : k;
+        double worst = 0.0;
+        auto note = [&worst](double entry, double unit) { worst = worst_of(worst, std::fabs(entry) / unit); };
+        const auto unit_at = [&](int i) { return flight_.velocity_unit(flown.before[i], sizes.velocity, sizes.longest); };
+        for (int i = 0; i < full; ++i) {
+            const double* entries = &residual[i * rows()];
+            const double velocity = unit_at(i);
+            for (int r = 0; r < n; ++r) note(entries[r], r < half ? sizes.displacement : velocity);
+            if (i < k && is_cut(i)) continue;  // each update fulfils equation (45), which is linear
+            double square = 0.0;
+            for (int r = 0; r < half; ++r) square += gap(i)[r] * gap(i)[r];
+            note(entries[n],
+                 square > 0.0 ? sizes.displacement * std::sqrt(square) : sizes.displacement);  // in units of length
+        }
+        for (int e = 0; e < int(residual.size()) - full * rows(); ++e) {
+            double total = 0.0;
+            for (int c = 0; c < half; ++c) total += std::fabs(closure_.end_map(e, c));
+            note(residual[full * rows() + e], total > 0.0 ? sizes.displacement * total : unit_at(k));
+        }
+        return worst;
+    }
+
+    /// Scaled residual of a converged solution.
+    double residual_level() const { return CONVERGED_RESIDUAL; }
+
+    /// Squares of lengths that closing equations have at least: of an equation at an end, the scale of its condition.
+    /// Of a mode that moves alone, it is only that mode's cosine, and a pivot relative to it would jump from -1 to 1 at
+    /// zero.
+    void least_lengths(const Sizes& sizes, Vector<double> out) const {
+        std::fill(out.begin(), out.end(), 0.0);
+        for (int r = 0; r < end_columns_.rows(); ++r)
+            for (int e = 0; e < end_columns_.columns(); ++e) {
+                const double entry = end_columns_(r, e) * (r < size() / 2 ? sizes.displacement : sizes.velocity);
+                out[e] += entry * entry;
+            }
+    }
+
+    /// The largest factor by which perturbations grow along a flight, relative to the sizes of displacements and
+    /// velocities.
+    double growth(const Flown& flown, const Sizes& sizes) const {
+        const int n = size();
+        const auto unit = [&](int r) { return r < n / 2 ? sizes.displacement : sizes.velocity; };
+        double worst = 0.0;
+        for (int i = 0; i <= inner(); ++i)
+            for (int r = 0; r < n; ++r)
+                for (int c = 0; c < n; ++c)
+                    worst = worst_of(worst, std::fabs(flown.maps(i, r * n + c)) * unit(c) / unit(r));
+        return worst;
+    }
+
+    /// Write the transpose of F'(y), each unknown times its scale, into an elimination.
     template <class Elimination>
-    void linearise(Values y, const Array<>& before, Array<>& maps, Values scale, Elimination& out) const {
+    void linearise(Values y, const Flown& flown, Values scale, Elimination& out) const {
+        const auto& [before, maps] = flown;
         out.clear();
         State<> along(size());
         LocalSquare<double, SIZE> landing(size());
@@ -181,6 +289,18 @@ public:
     }
 
 private:
+    /// The larger one; NaN if one is.
+    static double worst_of(double worst, double entry) { return entry <= worst || worst != worst ? worst : entry; }
+
+    static double largest(double a, double b, double c) { return std::max(a, std::max(std::fabs(b), std::fabs(c))); }
+
+    /// Whether a start parameter moves displacements.
+    bool moves_displacement(int j) const {
+        for (int r = 0; r < size() / 2; ++r)
+            if (closure_.start_map(r, j) != 0.0) return true;
+        return false;
+    }
+
     /// How far a node's state is beyond its stop.
     template <class T>
     T place(int node, const T* z) const {
@@ -268,7 +388,7 @@ private:
     Contacts contacts_;
     Closure closure_;
     std::vector<int> contact_;
-    Array<> end_columns_;
+    Array<> end_columns_;  // the transpose of L: sums over a state then run along the closing equations
     std::vector<double> phase_;  // (N,)
 };
 

@@ -3,6 +3,8 @@
 /// Python writes the lists (`bvp.jet_programs`, `bvp.programs`). They are evaluated in any number type.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -40,9 +42,10 @@ public:
 
     /// Add the coefficients of order k to `series` (registers, > k); those of the inputs are there.
     ///
-    /// A power of |a| is zero where a is 0, or where it is not above `least` in size: there it has no expansion.
-    template <class T>
-    void extend(Matrix<T> series, int k, double least) const {
+    /// A power of |a| is zero where a is 0, or where it is not above `least` in size: there it has no expansion. numbers: in
+    /// place of the program's.
+    template <class T, class C>
+    void extend(Matrix<T> series, int k, double least, const std::vector<C>& numbers) const {
         for (const Operation& operation : operations) {
             T* c = series[operation.result].data();
             const T* a = series[operation.first].data();
@@ -83,7 +86,47 @@ public:
         }
     }
 
+    /// The largest power of an argument that passes 0 within a time `room`; 0 where none does.
+    template <class T>
+    double nearly_zero(Matrix<T> series, double room) const {
+        double largest = 0.0;
+        for (const Operation& operation : operations)
+            if (is_modulus(operation.code) &&
+                std::fabs(value(series(operation.first, 0))) <= room * std::fabs(value(series(operation.first, 1))))
+                largest = std::max(largest, std::fabs(value(series(operation.result, 0))));
+        return largest;
+    }
+
+    /// Whether a power of |a| is zero where a only passes 0: there it has no expansion.
+    template <class T>
+    bool is_left_out(Matrix<T> series) const {
+        for (const Operation& operation : operations)
+            if (is_modulus(operation.code) && value(series(operation.result, 0)) == 0.0 &&
+                (value(series(operation.first, 0)) != 0.0 || value(series(operation.first, 1)) != 0.0))
+                return true;
+        return false;
+    }
+
+    /// Whether a force that has no derivatives of so high an order at 0 has passed it. sides: of the arguments of its powers
+    /// before, and now. Forces have the factor a beside |a|^s.
+    template <class T, class C>
+    bool is_rough(Matrix<T> series, const std::vector<C>& numbers, int order, std::vector<double>& sides) const {
+        bool rough = false;
+        sides.resize(operations.size(), 0.0);
+        for (size_t k = 0; k < operations.size(); ++k) {
+            const Operation& operation = operations[k];
+            if (!is_modulus(operation.code)) continue;
+            const double now = value(series(operation.first, 0)), s = value(numbers[operation.second]);
+            rough = rough || (now * sides[k] < 0.0 && s + 1.0 < order &&
+                              std::fabs(std::remainder(s, 2.0)) != (operation.code == EVEN_POWER ? 0.0 : 1.0));
+            sides[k] = now;
+        }
+        return rough;
+    }
+
 private:
+    static bool is_modulus(Code code) { return code == SIGNED_POWER || code == EVEN_POWER; }
+
     /// Sum of a[j] b[k - j] for j = 1 .. last, as two sums that do not wait for each other.
     template <class T>
     static T middle(const T* a, const T* b, int k, int last) {
@@ -105,8 +148,8 @@ private:
         return total + double(k) * a[k] * b[0];
     }
 
-    template <class T>
-    static void raise(Code code, double s, const T* a, T* c, int k, double least) {
+    template <class T, class C>
+    static void raise(Code code, const C& s, const T* a, T* c, int k, double least) {
         if (k > 0) {
             if (value(c[0]) == 0.0) {
                 c[k] = T(0.0);
@@ -114,8 +157,8 @@ private:
             }
             // From a c' = s a' c.
             T total(0.0);
-            for (int j = 1; j < k; ++j) total += (s * j - (k - j)) * a[j] * c[k - j];
-            c[k] = (total + s * k * a[k] * c[0]) / (double(k) * a[0]);
+            for (int j = 1; j < k; ++j) total += (s * double(j) - double(k - j)) * a[j] * c[k - j];
+            c[k] = (total + s * double(k) * a[k] * c[0]) / (double(k) * a[0]);
         } else if (code == POWER) {
             c[0] = pow(a[0], s);
         } else if (value(a[0]) == 0.0) {
@@ -165,10 +208,12 @@ public:
     std::vector<int> outputs;  // the register of each expression
     int parameters = 0;
 
-    template <class T, class Parameters, class Out>
-    void evaluate(const Parameters& at, Out&& out) const {
+    /// Call take(k, value) for each expression k at values of the parameters.
+    template <class T, class At, class Take>
+    void evaluate(const At& at, Take&& take) const {
+        if (outputs.empty()) return;
         const int first = parameters + int(constants.size());
-        Local<T> registers(first + int(operations.size()));
+        Local<T, DYNAMIC, 64> registers(first + int(operations.size()));
         for (int i = 0; i < parameters; ++i) registers[i] = at[i];
         for (size_t i = 0; i < constants.size(); ++i) registers[parameters + int(i)] = T(constants[i]);
         for (size_t i = 0; i < operations.size(); ++i) {
@@ -181,7 +226,7 @@ public:
             else if (is_constant(operation.second)) result = pow(x, value(registers[operation.second]));
             else result = pow(x, registers[operation.second]);
         }
-        for (size_t k = 0; k < outputs.size(); ++k) out[k] = registers[outputs[k]];
+        for (size_t k = 0; k < outputs.size(); ++k) take(int(k), registers[outputs[k]]);
     }
 
 private:

@@ -23,6 +23,7 @@ public:
 
     explicit SmoothFlight(SmoothEquations equations, int keep = 16)
         : flights_(std::make_shared<TaylorFlights>(std::move(equations), keep)) {}
+    explicit SmoothFlight(std::shared_ptr<const TaylorFlights> flights) : flights_(std::move(flights)) {}
     /// The same flights, with a size that the compiler knows.
     template <int M>
     explicit SmoothFlight(const SmoothFlight<M>& other) : flights_(other.shared()) {}
@@ -54,19 +55,7 @@ public:
         } else if constexpr (std::is_same_v<T, double>) {
             copy(path->end, out);
         } else {
-            Array<T> states(ORDER + 1, size()), series(equations().program.registers, ORDER + 1);
-            for (int r = 0; r < size(); ++r) states(0, r) = z[r];
-            const int steps = std::max(path->steps(), 1);  // a flight of no time has derivatives, too
-            for (int s = 0; s < steps; ++s) {
-                equations().template expand<T>(s < path->steps() ? path->least[s] : 0.0, states, series);
-                const bool last = s == steps - 1;
-                const double direction = path->duration < 0.0 ? -1.0 : 1.0, at = direction * path->times[s];
-                const T h = last ? T(t - at) : T(direction * (path->times[s + 1] - path->times[s]));
-                State<T> next(size());
-                evaluate_series<T>(states, h, next);
-                for (int r = 0; r < size(); ++r) states(0, r) = next[r];
-            }
-            for (int r = 0; r < size(); ++r) out[r] = states(0, r);
+            follow(*path, equations(), z, t, out);
         }
     }
     /// The same, and its derivative by z.

@@ -296,7 +296,7 @@ private:
             landing.tangent[u + j] = ds != 0.0 ? (landing.tangent[j] - tangent[j]) / ds : 0.0;
         if (is_cubic(landing.tangent)) cubic_derivatives(y, tangent, ds, point.turn, landing);
         copy(new_.position, landing.position);
-        std::copy(newton.before.data(), newton.before.data() + landing.ends.size(), landing.ends.begin());
+        std::copy_n(newton.flown.before.data(), landing.ends.size(), landing.ends.begin());
         return true;
     }
 

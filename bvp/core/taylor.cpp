@@ -12,10 +12,6 @@ namespace {
 /// Largest last term, as a part of the speed in a step: rounding. The terms that are left out are smaller.
 constexpr double TRUNCATION = 1e-16;
 
-/// The same of columns, for their last term but one. Shorter steps made derivatives no more exact, where the growth of
-/// flights allows ten digits to sixteen. The defect of columns is not looked at.
-constexpr double COLUMN_TRUNCATION = 1e-15;
-
 /// Largest change of the velocity by the defect, as a part of that speed: rounding.
 constexpr double DEFECT = 4e-16;
 
@@ -42,19 +38,6 @@ double largest_size(Values values) {
 
 }  // namespace
 
-SparseRows::SparseRows(Matrix<const double> matrix) {
-    for (int r = 0; r < matrix.rows(); ++r) {
-        begins_.push_back(int(entries_.size()));
-        for (int c = 0; c < matrix.columns(); ++c)
-            if (matrix(r, c) != 0.0) {
-                entries_.push_back({c, matrix(r, c)});
-                narrow_ = narrow_ && c < 2;
-            }
-        for (int c = 0; c < 2; ++c) pairs_.push_back(c < matrix.columns() ? matrix(r, c) : 0.0);
-    }
-    begins_.push_back(int(entries_.size()));
-}
-
 Bounds TaylorPath::project(Values row, int s, Vector<double> out) const {
     const Matrix<const double> coefficients = step(s);
     std::fill(out.begin(), out.end(), 0.0);
@@ -80,7 +63,7 @@ public:
           rates_(equations.program.inputs), rates_before_(equations.program.inputs) {
         for (int r = 0; r < equations.push.rows(); ++r)
             for (const auto& entry : equations.push[r]) weight_ = std::max(weight_, std::fabs(entry.value));
-        for (double number : equations.program.numbers) weight_ = std::max(weight_, weight_ * std::fabs(number));
+        for (double number : equations.numbers) weight_ = std::max(weight_, weight_ * std::fabs(number));
     }
 
     /// The flight of time t from z.
@@ -153,7 +136,7 @@ private:
     void keep_with_forces(double least, TaylorPath& path) {
         const auto& program = equations_.program;
         for (int i = 0; i < program.inputs; ++i) series_(i, ORDER) = equations_.inputs.times(i, states_[ORDER].data());
-        program.extend<double>(series_, ORDER, least);
+        program.extend<double>(series_, ORDER, least, equations_.numbers);
         for (int k = 0; k <= ORDER; ++k) {
             path.coefficients.insert(path.coefficients.end(), states_[k].begin(), states_[k].end());
             for (int order = 0; order < 3; ++order)

@@ -15,22 +15,56 @@
 
 namespace saltus {
 
+/// How many doubles a number has, and these: the value first.
+template <class T>
+inline constexpr int LEAVES = 1;
+template <class T, int N>
+inline constexpr int LEAVES<Jet<T, N>> = LEAVES<T> * (N + 1);
+inline void leaves(double x, double* out) { *out = x; }
+template <class T, int N>
+void leaves(const Jet<T, N>& x, double* out) {
+    leaves(x.value, out);
+    for (int i = 0; i < N; ++i) leaves(x.slopes[i], out + (i + 1) * LEAVES<T>);
+}
+
 /// Order of the polynomials. The work of a step grows with its square, its length with eps^(-1/ORDER).
 inline constexpr int ORDER = 22;
+
+/// Largest last term but one of a column, as a part of its first ones. Shorter steps made derivatives no more exact, where the
+/// growth of flights allows ten digits to sixteen. The defect of columns is not looked at.
+inline constexpr double COLUMN_TRUNCATION = 1e-15;
+
+/// Part of a step below which derivatives have no shorter ones: they are not smooth there.
+inline constexpr double LEAST_PART = 1e-8;
+
+/// Part of a step after which derivatives expand a power of |w| anew that is left out, for w passes 0 in NEAR_PART of the step.
+inline constexpr double FIRST_PART = 1e-5, NEAR_PART = 1e-6;
 
 /// Most steps of a flight.
 inline constexpr int MOST_TAYLOR_STEPS = 256;
 
 /// A matrix as the entries of its rows that are not zero. Where only the first two columns have any, they are there
 /// side by side, too: two coordinates do without loops then.
-class SparseRows {
+template <class C>
+class SparseRowsOf {
 public:
     struct Entry {
         int column;
-        double value;
+        C value;
     };
-    SparseRows() = default;
-    explicit SparseRows(Matrix<const double> matrix);
+    SparseRowsOf() = default;
+    explicit SparseRowsOf(Matrix<const C> matrix) {
+        for (int r = 0; r < matrix.rows(); ++r) {
+            begins_.push_back(int(entries_.size()));
+            for (int c = 0; c < matrix.columns(); ++c)
+                if (!is_zero(matrix(r, c))) {
+                    entries_.push_back({c, matrix(r, c)});
+                    narrow_ = narrow_ && c < 2;
+                }
+            for (int c = 0; c < 2; ++c) pairs_.push_back(c < matrix.columns() ? matrix(r, c) : C(0.0));
+        }
+        begins_.push_back(int(entries_.size()));
+    }
 
     int rows() const { return int(begins_.size()) - 1; }
     /// Whether only the first two columns have entries.
@@ -52,16 +86,18 @@ public:
     template <bool NARROW = false, class T>
     T times(int r, const T* z) const {
         T total(0.0);
-        each<NARROW>(r, [&](double factor, int column) { total += factor * z[column]; });
+        each<NARROW>(r, [&](const C& factor, int column) { total += factor * z[column]; });
         return total;
     }
 
 private:
     std::vector<Entry> entries_;
-    std::vector<double> pairs_;  // (R, 2) the first two columns
+    std::vector<C> pairs_;  // (R, 2) the first two columns
     bool narrow_ = true;
     std::vector<int> begins_;  // of each row, and the end of the last one
 };
+
+using SparseRows = SparseRowsOf<double>;
 
 /// Forces of which no formula is known.
 struct CalledForces {
@@ -70,15 +106,31 @@ struct CalledForces {
     std::function<double(Values inputs)> energy;
 };
 
-/// The equations of a motion with smooth forces, n coordinates, I inputs and F forces; and its energy.
-struct SmoothEquations {
-    SparseRows linear, inputs;    // A (n, N), W (I, N)
-    Array<> dense_push;           // P (n, F): accelerations of unit forces
-    SparseRows push;
+/// What accelerates the derivative of a motion by something that its equations depend on, besides the motion's own derivatives.
+struct MotionSource {
+    SparseRows linear;  // (n, N) by the state
+    Array<> push;       // (n, F) by the forces
+    struct Change {
+        int force, result;  // the register of a force's derivative by a number
+        double weight;
+    };
+    std::vector<Change> changes;  // of the forces themselves
+};
+
+/// The equations of a motion with smooth forces, n coordinates, I inputs and F forces; and its energy. Their numbers are
+/// doubles, or jets by what they depend on.
+template <class C>
+struct SmoothEquationsOf {
+    SparseRowsOf<C> linear;       // A (n, N)
+    SparseRows inputs;            // W (I, N)
+    Array<C> dense_push;          // P (n, F): accelerations of unit forces
+    SparseRowsOf<C> push;
     ForceProgram program;
+    std::vector<C> numbers;       // of the program
     Formulas potential;           // the energy of the forces, of the inputs
     int most_steps = MOST_TAYLOR_STEPS;          // of a flight
     std::shared_ptr<const CalledForces> called;  // in place of the program's operations and of the potential
+    std::vector<MotionSource> sources;           // of derivatives that flights with such forces carry along
     std::vector<double> weights;  // (N,): H = sum(weights z^2)/2 + potential
 
     int size() const { return int(weights.size()); }
@@ -90,7 +142,7 @@ struct SmoothEquations {
     void rate(const Z& z, double least, Matrix<T> series, Out&& out) const {
         const int n = size() / 2;
         for (int i = 0; i < inputs.rows(); ++i) series(i, 0) = inputs.times(i, &z[0]);
-        if (!called) program.extend(series, 0, least);
+        if (!called) program.extend(series, 0, least, numbers);
         else if constexpr (std::is_same_v<T, double>) called->forces(series, 1);
         else
             for (int r = inputs.rows(); r < series.rows(); ++r) series(r, 0) = T(NOT_A_NUMBER);
@@ -112,12 +164,13 @@ struct SmoothEquations {
     T twice_energy(const Z& z) const {
         T total = weights[0] * z[0] * z[0];
         for (int r = 1; r < size(); ++r) total += weights[r] * z[r] * z[r];
-        Local<T> parts(inputs.rows()), stored(1);
+        Local<T> parts(inputs.rows());
+        T stored(0.0);
         for (int i = 0; i < inputs.rows(); ++i) parts[i] = inputs.times(i, &z[0]);
-        if (!called) potential.evaluate<T>(parts, stored);
-        else if constexpr (std::is_same_v<T, double>) stored[0] = called->energy(parts);
-        else stored[0] = T(NOT_A_NUMBER);
-        return total + 2.0 * stored[0];
+        if (!called) potential.evaluate<T>(parts, [&](int, const T& entry) { stored = entry; });
+        else if constexpr (std::is_same_v<T, double>) stored = called->energy(parts);
+        else stored = T(NOT_A_NUMBER);
+        return total + 2.0 * stored;
     }
 
 private:
@@ -129,7 +182,7 @@ private:
             T* after = states[k + 1].data();
             const double part = 1.0 / (k + 1);
             for (int i = 0; i < count; ++i) series(i, k) = inputs.times<NARROW>(i, z);
-            program.extend(series, k, least);
+            program.extend(series, k, least, numbers);
             for (int r = 0; r < n; ++r) {
                 after[r] = part * z[n + r];
                 after[n + r] = part * acceleration<NARROW>(r, z, series, k);
@@ -139,11 +192,13 @@ private:
 
     template <bool NARROW = false, class T>
     T acceleration(int r, const T* z, Matrix<T> series, int k) const {
-        T total = linear.times<NARROW>(r, z);
+        T total = linear.template times<NARROW>(r, z);
         for (const auto& entry : push[r]) total += entry.value * series(program.forces[entry.column], k);
         return total;
     }
 };
+
+using SmoothEquations = SmoothEquationsOf<double>;
 
 /// Call body.operator()<W>(r) for parts of W entries from r on, W = 4, 2, 1: polynomials of several entries at once do not
 /// wait for each other.
@@ -179,6 +234,7 @@ struct TaylorPath {
     int width = 0;                  // N; or N + 3 F, where the F forces and their first two derivatives are kept with the state
     std::vector<double> end;        // (N,)
     Array<> map;                    // (N, N) derivative of the end by the begin; empty where it was not asked for
+    Array<> along;                  // (N, P) derivatives of the end by the sources
     bool has_map = false;           // the columns of the map take part in the choice of steps
     bool complete = false;          // false: it could not be computed to its end
     bool exhausted = false;         // it would take more steps than it may
@@ -202,6 +258,66 @@ struct TaylorPath {
         return project(row, s, coefficients);
     }
 };
+
+/// The part of a step of some length at which the last term but one of a value and of all its derivatives is small.
+template <class T>
+double part_of_step(Matrix<const T> states, double length) {
+    constexpr int COUNT = LEAVES<T>;
+    double first[COUNT] = {}, last[COUNT] = {}, parts[COUNT], power = 1.0;
+    const int size = states.columns();
+    const auto note = [&](int k, double factor, double* most) {
+        for (int r = size / 2; r < size; ++r) {
+            leaves(states(k, r), parts);
+            for (int e = 0; e < COUNT; ++e) most[e] = std::max(most[e], std::fabs(parts[e]) * factor);
+        }
+    };
+    for (int k = 0; k < 4; ++k, power *= length) note(k, power, first);
+    for (int k = 4; k < ORDER - 1; ++k) power *= length;
+    note(ORDER - 1, power, last);
+    double part = 1.0;
+    for (int e = COUNT > 1 ? 0 : 1; e < COUNT; ++e)
+        if (last[e] > COLUMN_TRUNCATION * first[e]) part = std::min(part, pow(COLUMN_TRUNCATION * first[e] / last[e], 1.0 / (ORDER - 1)));
+    return part;
+}
+
+/// out = the end of the flight of time t from z in any number type, by the steps of a path of its values. The numbers of the
+/// equations have derivatives, too, or not. Derivatives of higher order, and those by exponents, can need shorter steps, and
+/// powers that are too small for the values. Not a number where a force on the way has no such derivatives.
+template <class C, class T, class Z, class Out>
+void follow(const TaylorPath& path, const SmoothEquationsOf<C>& equations, const Z& z, const T& t, Out&& out) {
+    const int size = equations.size();
+    Array<T> states(ORDER + 1, size), series(equations.program.registers, ORDER + 1);
+    std::vector<double> sides;
+    bool rough = false;
+    for (int r = 0; r < size; ++r) states(0, r) = z[r];
+    const int steps = std::max(path.steps(), 1);  // a flight of no time has derivatives, too
+    for (int s = 0; s < steps; ++s) {
+        const bool last = s == steps - 1;
+        const double direction = path.duration < 0.0 ? -1.0 : 1.0, at = direction * path.times[s];
+        const double whole = last ? std::fabs(value(t)) - path.times[s] : path.times[s + 1] - path.times[s];
+        for (double done = 0.0; done < 1.0;) {
+            equations.template expand<T>(JET_DEPTH<T> > 0 || s >= path.steps() ? 0.0 : path.least[s], states, series);
+            const double near = JET_DEPTH<T> > 0 ? equations.program.nearly_zero(Matrix<T>(series), NEAR_PART * whole) : 0.0;
+            if (near > 0.0) equations.template expand<T>(near, states, series);
+            rough = equations.program.is_rough(Matrix<T>(series), equations.numbers, JET_DEPTH<T>, sides) || rough;
+            double part = std::max(part_of_step<T>(states, whole * (1.0 - done)) * (1.0 - done), LEAST_PART);
+            if (JET_DEPTH<T> > 0 && equations.program.is_left_out(Matrix<T>(series))) part = std::min(part, FIRST_PART);
+            const bool ends = !(done + part < 1.0);
+            const T h = !ends ? T(direction * (part * whole)) : last ? T(t - at - direction * (done * whole)) : T(direction * (whole * (1.0 - done)));
+            Local<T> next(size);
+            evaluate_series<T>(states, h, next);
+            for (int r = 0; r < size; ++r) states(0, r) = next[r];
+            done = ends ? 1.0 : done + part;
+        }
+    }
+    if constexpr (JET_DEPTH<T> > 1) {
+        Array<T> now(equations.program.registers, 1);
+        Local<T> rate(size);
+        equations.template rate<T>(states[0], 0.0, now, rate);
+        rough = equations.program.is_rough(Matrix<T>(now), equations.numbers, JET_DEPTH<T>, sides) || rough;
+    }
+    for (int r = 0; r < size; ++r) out[r] = rough ? T(NOT_A_NUMBER) * states(0, r) : states(0, r);
+}
 
 class TaylorWork;
 

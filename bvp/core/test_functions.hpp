@@ -25,15 +25,6 @@ inline constexpr double CONDITION_NOISE = 5e-17;
 /// Part of the energy up to which the noise of a slope does not count here: it is measured where a zero is located.
 inline constexpr double CLEAR_SLOPE = 0.05;
 
-/// Bounds of a family, and the traces at which periods multiply: of a quarter those of the half map, else those of the
-/// full period.
-struct FamilyLimits {
-    double low, high,
-        longest;  // logarithms of the energies, and of the longest quarter period; infinite where there is none
-    double tangent_noise;
-    std::vector<double> targets;
-};
-
 /// The first `COMMON_TESTS` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's
 /// logarithm and of the quarter period's, impulsive orbits, and a number that identifies the label.
 inline void common_tests(const Point& point, const FamilyLimits& limits, Vector<double> out) {
@@ -56,25 +47,34 @@ inline void common_tests(const Point& point, const FamilyLimits& limits, Vector<
     out[10] = (waves * 4096.0 + point.first_quarter) * 8192.0 + point.second_quarter * 4.0 + point.in_phase;
 }
 
+/// What is observed of a problem's orbits: functionals along the flights; the displacements that stops and springs
+/// hold, (m + 1, n), and those that nothing resists, (f, n); whether two degrees of freedom are looked at as any number.
+struct Watch {
+    Observed observed;
+    Array<> held, free;
+    bool general;
+};
+
 /// The test functions of the orbits of one problem, with what they are computed from.
 template <class Problem>
 class ConservativeTests {
     static constexpr int SIZE = Problem::SIZE;
 
 public:
-    /// held (m + 1, n), free (f, n): see `OrbitStability`. general: take what holds for any degrees of freedom, also
-    /// where there are two.
-    ConservativeTests(const Problem& problem, const Observed& observed, Matrix<const double> held,
-                      Matrix<const double> free, bool general)
-        : stability(problem, held, free), problem_(problem), observed_(observed),
-          is_pair_(problem.size() == 4 && !general) {}
+    template <class Newton>
+    ConservativeTests(const Problem& problem, const Watch& watch, const Newton&)
+        : stability(problem, watch.held, watch.free), problem_(problem), observed_(watch.observed),
+          is_pair_(problem.size() == 4 && !watch.general) {}
+
+    /// Nothing is to be computed before an orbit is observed.
+    void prepare(Values) {}
 
     OrbitStability<Problem> stability;
 
     /// Number of the test functions.
-    static int count(const Problem& problem, int targets, bool general) {
+    static int count(const Problem& problem, int targets, const Watch& watch) {
         if (problem.periodic()) return COMMON_TESTS + 2 + targets;
-        return COMMON_TESTS + 3 + (problem.closure().quarters == 1) + (problem.size() != 4 || general) + targets;
+        return COMMON_TESTS + 3 + (problem.closure().quarters == 1) + (problem.size() != 4 || watch.general) + targets;
     }
 
     /// What is seen along the orbit, and of two degrees of freedom the half map and the multipliers, into the point.

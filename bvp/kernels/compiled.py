@@ -13,8 +13,6 @@ from bvp.kernels import hook
 from bvp.kernels.declared import Chosen, Declared, Intrinsic
 from bvp.kernels.stored import Entry, entry_of, keep, load, sealed, symbol, types_of
 
-failures = hook.failures
-
 
 class Kernel(Declared):
     """A function that runs as machine code. Its first call with arguments of some types loads it, or compiles it.
@@ -38,8 +36,6 @@ class Kernel(Declared):
             if hook.interpreting:
                 return self._interpreted(*arguments)
             result = self.entry(*arguments).call(*arguments)
-        if failures:
-            raise failures.pop()
         return result
 
     def _interpreted(self, *arguments: Any) -> Any:
@@ -121,14 +117,6 @@ chosen: Any = Chosen
 """Declare a function that comes in kinds (`bvp.kernels.declared.Chosen`): `@name.of(Kind)` above a kernel makes it the one for arguments
 whose first is a `Kind`."""
 
-
-def _not_in_python(address: int, arguments: Any) -> None:
-    raise TypeError("an address is called in machine code only")
-
-
-call_at: Any = Intrinsic("call_at", _not_in_python)
-"""call_at(address, arguments): inside a kernel, call another one, without a result, at its address (`Entry`): one of several that Python
-chooses. The tuple must have the argument types that it was compiled for."""
 
 sized: Any = Intrinsic("sized", lambda array, length: array)
 """sized(array, n): the same array, whose last axis is known to have the written-out length n: loops along it are unrolled, in this kernel

@@ -342,19 +342,6 @@ def _call_entry(context: Any, builder: Any, signature: Any, values: Any, entry: 
     return context.get_dummy_value() if signature.return_type is nb.types.none else answer
 
 
-def _call_at(typing_context, address, arguments):
-    def code(context, builder, signature, values):
-        place, packed = values
-        of_entry = signature.return_type(*signature.args[1].types)
-        parts = cgutils.unpack_tuple(builder, packed)
-        return _call_entry(context, builder, of_entry, parts, lambda shape: builder.inttoptr(place, ir.PointerType(shape)))
-
-    return nb.types.none(address, arguments), code
-
-
-call_at = intrinsic(_call_at)
-
-
 def _shared(kernel: Declared) -> Any:
     """A shared kernel as other kernels call it."""
 

@@ -1,4 +1,4 @@
-"""What is done with a kernel that has no machine code, and after one that called a Python function which failed.
+"""What is done with a kernel that has no machine code.
 
 What is called before a kernel is compiled may compile it with others, in several processes."""
 
@@ -9,15 +9,12 @@ from typing import Any
 before_compiling: Callable[[str, str, Any], None] | None = None
 """Called with the module, the name and the types of a kernel that is not on disk."""
 
-failures: list[BaseException] = []
-"""Errors of Python functions that kernels called. The next kernel that returns to Python raises the first."""
-
 interpreting: list[bool] = []
 """Whether kernels without machine code run in Python: not where it is empty. The last item tells whether one of them is running."""
 
 
 class NotInterpretedError(Exception):
-    """A kernel cannot run in Python: machine code divides by zero, and calls at addresses. What it had to write is half written."""
+    """A kernel cannot run in Python: machine code divides by zero. What it had to write is half written."""
 
 
 @contextmanager

@@ -9,9 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy import int64
 
-from bvp.kernels.compiled import call_at, inlined
+from bvp.kernels.compiled import inlined
 
 ADD, SUBTRACT, MULTIPLY, DIVIDE, SQUARE = range(5)
 """Operations on registers: a + b, a - b, a b, a/b, a^2."""
@@ -24,21 +23,7 @@ EXP, LOG, SIN, SINH = range(10, 14)
 
 
 CALLED = 14
-"""All forces and their derivatives, as a Python function computes them: values only, no coefficients. The inputs come first."""
-
-
-class Called(NamedTuple):
-    """Forces that a Python function computes, from I inputs at up to K states at a time; and their energy."""
-
-    address: int  # of the function; 0: there is none
-    values: np.ndarray  # (R, K) the inputs, and what follows from them: forces, their derivatives by the inputs, then by parameters
-    energy: np.ndarray  # (O,) the potential and its derivatives
-
-
-@inlined
-def call_forces(called, count):
-    """Compute the forces at the inputs in the first `count` columns of the values; or, with 0, the energy at those in the first one."""
-    call_at(called.address, (int64(count),))
+"""All forces and their derivatives, as a Python function computes them: in the core only. The inputs come first."""
 
 
 class JetProgram(NamedTuple):
@@ -50,7 +35,6 @@ class JetProgram(NamedTuple):
     slopes: np.ndarray  # (D, 3) int64: force, input, and the register of the derivative of one by the other, where it is not zero
     changes: np.ndarray  # (C, 3) int64: force, released parameter, and the register of that derivative, where it is not zero
     registers: int
-    called: Called
 
 
 @inlined
@@ -142,15 +126,6 @@ def extend_jets(program, jets, k, least):
                 for j in range(1, k):
                     total += j * c[j] * a[k - j]
                 c[k] = (a[k] - total / k) / a[0]
-        elif operation == CALLED:
-            if k == 0:
-                values = program.called.values
-                inputs = code[i, 1]
-                for r in range(inputs):
-                    values[r, 0] = jets[r, 0]
-                call_forces(program.called, int64(1))
-                for r in range(inputs, values.shape[0]):
-                    jets[r, 0] = values[r, 0]
         else:
             other = jets[code[i, 1] + 1]
             if k == 0:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import inlined, kernel, shared
+from bvp.kernels.expressions import run
 from bvp.kernels.flight import fastest_rate, inner, times_matrix
 from bvp.kernels.flights import (
     NEAR_REACH,
@@ -32,7 +33,7 @@ from bvp.kernels.flights import (
     series,
 )
 from bvp.kernels.sources import ORDER
-from bvp.kernels.taylor import SmoothFlight, evaluate_energy, fly_smooth, horner, step_at
+from bvp.kernels.taylor import SmoothFlight, fly_smooth, horner, step_at
 
 PIECE = 8
 """Most steps of a flight: where an impact ends it early, the rest was computed in vain."""
@@ -192,7 +193,7 @@ def piece_energy(flight, z):
     """See `potential_energy`."""
     taylor = flight.taylor
     times_matrix(taylor.rows, z[: taylor.matrix.shape[0]], taylor.parts)
-    evaluate_energy(taylor)
+    run(taylor.potential, taylor.parts, taylor.scratch, taylor.value)
     return taylor.value[0]
 
 

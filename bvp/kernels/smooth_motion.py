@@ -70,7 +70,7 @@ def taylor_of_mode(modes, f):
         modes.own[f], shared_part.rows, modes.forced[f], shared_part.program, sources, shared_part.potential, shared_part.jets,
         shared_part.probe, shared_part.states, shared_part.columns, shared_part.inputs, shared_part.sums, shared_part.places,
         shared_part.scratch, shared_part.parts, shared_part.value, shared_part.slope, shared_part.rates, shared_part.projected,
-        shared_part.bounds, shared_part.stages, shared_part.paths,
+        shared_part.bounds, shared_part.paths,
     )  # fmt: skip
     return MotionFlight(modes.pairs[f], modes.matrix[f], taylor, f, modes.owner, modes.current, modes.polynomials)
 

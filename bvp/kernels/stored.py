@@ -232,7 +232,7 @@ class Entry(NamedTuple):
     """A kernel compiled for some types of arguments."""
 
     call: Callable[..., Any]  # from Python; gives NotImplemented where the arguments have other types
-    address: int  # in memory, for `call_at`
+    address: int  # in memory
 
 
 _DIGEST = 32

@@ -6,8 +6,6 @@ state at the flight's begin and by what the sources depend on (Jorba & Zou, Expe
 from the last coefficients, and is then confirmed inside the step by its defect, the difference of the polynomial's acceleration from that
 of the forces along it. The last coefficients alone miss a force that begins with a high power.
 
-Forces that have no such series, as a Python function computes them, have steps by collocation (`bvp.kernels.collocation`).
-
 The steps of a flight are kept: they are its path, which searches for extrema and zeros evaluate.
 """
 
@@ -19,10 +17,10 @@ from numpy import int64
 
 from bvp.kernels import driving  # noqa: F401  a kind of sources
 from bvp.kernels.columns import advance_columns, column_room, expand_columns
-from bvp.kernels.compiled import call_at, inlined, kernel, shared
-from bvp.kernels.expressions import Program, run
+from bvp.kernels.compiled import inlined, kernel, shared
+from bvp.kernels.expressions import Program
 from bvp.kernels.flight import copy_1, inner, set_2
-from bvp.kernels.jets import JetProgram, call_forces, extend_jets
+from bvp.kernels.jets import JetProgram, extend_jets
 from bvp.kernels.sources import (
     ORDER,
     Unforced,
@@ -35,7 +33,6 @@ from bvp.kernels.sources import (
     plus_source_now,
     sources_at,
 )
-from bvp.kernels.stages import Stages, make_stages
 
 TRUNCATION = 1e-16
 """Largest last term, as a part of the speed in a step: rounding. The terms that are left out are smaller."""
@@ -106,13 +103,11 @@ class SmoothFlight(NamedTuple):
     rates: np.ndarray  # (I, 2) scratch
     projected: np.ndarray  # (S, ORDER + 1) scratch
     bounds: np.ndarray  # (S, 2) scratch
-    stages: Stages  # of steps by collocation
     paths: Paths
 
 
 def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=UNFORCED, steps=STEPS):
-    """A `SmoothFlight`, with room for the paths of so many flights of so many steps. If the program calls a Python function, the steps need
-    `bvp.kernels.collocation.collocated`."""
+    """A `SmoothFlight`, with room for the paths of so many flights of so many steps."""
     size, inputs, columns = len(matrix), len(rows), len(matrix) + sources.columns
     # The derivatives by an input follow each other.
     program = program._replace(slopes=program.slopes[np.argsort(program.slopes[:, 1], kind="stable")])
@@ -121,14 +116,13 @@ def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=
         np.zeros((flights, steps, ORDER + 1, size)), np.zeros((flights, steps + 1)), np.zeros((flights, 2), dtype=np.int64),
         np.zeros((flights, columns + 1)), np.zeros((flights, size)), np.zeros((flights, size, columns)), np.zeros(1, dtype=np.int64),
     )  # fmt: skip
-    stages = make_stages(size // 2, columns, program.registers - inputs, program.called.address != 0)
     return SmoothFlight(
         matrix, rows, push, program, sources, potential, np.zeros((program.registers, ORDER + 1)), np.zeros((program.registers, 1)),
         np.zeros((ORDER + 1, size)), np.zeros((number_of_fours(columns), ORDER + 1, size, 4)), np.zeros((ORDER + 1, inputs, 4)),
         np.zeros((len(program.slopes), 2, 4)), np.zeros((size // 2 + inputs, size + 1), dtype=np.int64),
         np.zeros(arguments + len(potential.constants) + len(potential.code)), np.zeros(arguments), np.zeros(len(potential.outputs)),
         np.zeros(size), np.zeros((inputs, 2)),
-        np.zeros((steps, ORDER + 1)), np.zeros((steps, 2)), stages, paths,
+        np.zeros((steps, ORDER + 1)), np.zeros((steps, 2)), paths,
     )  # fmt: skip
 
 
@@ -152,19 +146,6 @@ def smooth_rate(flight, z, at, least, out):
         for f in range(flight.push.shape[1]):
             total += flight.push[r, f] * flight.probe[flight.program.forces[f], 0]
         out[n + r] = plus_source_now(flight.sources, total, r)
-
-
-@inlined
-def evaluate_energy(flight):
-    """flight.value = the energy of the forces, and its derivatives, at the inputs and parameters in flight.parts."""
-    called = flight.program.called
-    if called.address != 0:
-        for i in range(flight.rows.shape[0]):
-            called.values[i, 0] = flight.parts[i]
-        call_forces(called, int64(0))
-        copy_1(called.energy, flight.value)
-    else:
-        run(flight.potential, flight.parts, flight.scratch, flight.value)
 
 
 @inlined
@@ -430,28 +411,21 @@ def fly_smooth(flight, slot, z, t, with_columns):
         if count == paths.coefficients.shape[1]:
             return False
         here = direction * at
-        if flight.stages.address != 0:
-            call_at(flight.stages.address, (flight, here, direction * (abs(t) - at), with_columns))
-            length = flight.stages.length[0]
-            least = 0.0
-            if not length > 0.0:
+        smooth_rate(flight, states[0], here, 0.0, change)
+        for r in range(n, size):
+            largest = max(largest, abs(change[r]))
+        least = NONE_LEFT * largest / weight
+        expand(flight, here, least)
+        if with_columns:
+            expand_columns(flight, here)
+        length, speed = _step_length(states, columns, with_columns, abs(t) - at)
+        if not (length > SHORTEST * abs(t) or length == abs(t) - at):
+            return False
+        limit = ORDER * DEFECT * speed
+        while not _is_confirmed(flight, here, direction * length, least, limit, state, change, slope):
+            length *= 0.8
+            if not length > SHORTEST * abs(t):
                 return False
-        else:
-            smooth_rate(flight, states[0], here, 0.0, change)
-            for r in range(n, size):
-                largest = max(largest, abs(change[r]))
-            least = NONE_LEFT * largest / weight
-            expand(flight, here, least)
-            if with_columns:
-                expand_columns(flight, here)
-            length, speed = _step_length(states, columns, with_columns, abs(t) - at)
-            if not (length > SHORTEST * abs(t) or length == abs(t) - at):
-                return False
-            limit = ORDER * DEFECT * speed
-            while not _is_confirmed(flight, here, direction * length, least, limit, state, change, slope):
-                length *= 0.8
-                if not length > SHORTEST * abs(t):
-                    return False
         keep_step(flight.sources, flight, least, paths.coefficients[slot, count])
         at += length
         count += 1

@@ -15,11 +15,11 @@ from scipy.optimize import brentq
 import saltus
 from branches.forced.primitive import primitive_orbit
 from branches.forced.tracing import follow_response, switch_response
-from bvp.criticality import CriticalOrbit, NormalForms, criticality
+from bvp.criticality import NormalForms, criticality
 from bvp.forced import ForcedProblem
 from tests.branches.forced_systems import absorber_families, impact_speed, oscillator
 from tests.branches.test_absorber import located
-from tests.bvp.test_curvature import KINDS, problem_of, second_along, third
+from tests.bvp.test_curvature import KINDS, problem_of
 from tests.lab.problems import units
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
@@ -73,7 +73,7 @@ def many_digit_coefficient(problem, y, w, r, n, s, multiplier):
     with mp.workdps(80):
         function, period = impact_map(w, r, n, s)
         step = mp.mpf(10) ** -16
-        place = mp.matrix([mp.mpf(float(y[1])), mp.mpf(float(y[2])) * period])
+        place = mp.matrix([mp.mpf(float(problem.states(y)[0, 1])), mp.mpf(float(problem.instants(y)[0])) * period])
         axes = [mp.matrix([1, 0]), mp.matrix([0, 1])]
 
         def slope(at):
@@ -131,7 +131,7 @@ def test_a_fold_of_the_map_in_many_digits():
     assert event.values["s"] == pytest.approx(s, abs=1e-12)
     y = branch.unknowns[event.point]
     found = criticality(branch.problem, y, "SN")
-    twin = many_digit_coefficient(branch.problem, y, w, r, n, float(y[0]), 1)
+    twin = many_digit_coefficient(branch.problem, y, w, r, n, float(branch.problem.states(y)[0, 0]), 1)
     assert found.coefficient == pytest.approx(twin, rel=1e-6) and found.kind is None
 
 
@@ -191,52 +191,58 @@ def test_a_subcritical_doubling_of_an_oscillator_with_a_cubic_spring():
 
 
 def plain_equations(problem, y):
-    """T(lambda) = first - lambda last in units of the unknowns, with the places of its rows and columns."""
+    """T(lambda) = first - lambda last of the open orbit in units of the unknowns, with the places of its rows and columns."""
     n, inner, width = problem.degrees_of_freedom, problem.inner, problem.size + 1
-    states = [i * width + np.array([*range(2 * n + 1), problem.size]) for i in range(inner + 1)]
-    columns = np.concatenate(states)
-    rows = np.concatenate([*states[:-1], inner * width + np.arange(2 * n + 2)])
+    count, clock = (inner + 1) * width, [problem.unknowns] * problem.has_clock
+    columns, rows = np.array([*range(count), *clock]), np.array([*range(count), *(place - 1 for place in clock)])
     last = np.zeros((len(rows), len(rows)))
-    for e in range(2 * n + int(problem.has_clock)):
-        last[len(rows) - 2 * n - 2 + e, e] = problem.segment.closing[0] if e < 2 * n else 1.0
-    scale = problem.scales(y)[columns]
-    return (problem.jacobian(y)[np.ix_(rows, columns)] + last) * scale, last * scale, rows, columns, scale
+    for e in range(2 * n):
+        last[inner * width + e, 1 + e] = problem.closing[0]
+    if clock:
+        last[-1, 0] = 1.0
+    scale = np.append(problem.scales(y), 1.0)[columns]
+    return (problem.curvature.open_jacobian(y)[np.ix_(rows, columns)] + last) * scale, last * scale, rows, columns, scale
+
+
+def whole(problem, places, entries):
+    """A vector of the unknowns, or of the equations, of an open orbit."""
+    found = np.zeros(max(problem.unknowns + problem.has_clock, max(places) + 1), dtype=complex)
+    found[places] = entries
+    return found
 
 
 def compiled_cubic(problem, y, multiplier, pair):
     """The coefficient of PD or NS and its error, compiled, from null vectors of any length."""
     first, last, rows, columns, scale = plain_equations(problem, y)
     left, _, right = np.linalg.svd(first - multiplier * last)
-    q, p = np.zeros(problem.unknowns, dtype=complex), np.zeros(problem.unknowns - 1, dtype=complex)
-    q[columns], p[rows] = scale * right[-1].conj(), left[:, -1].conj()
-    orbit = CriticalOrbit(y, problem.jacobian(y), problem.scales(y), q, p, second_along(problem, y, q))
-    return NormalForms(problem).cubic(orbit, "NS" if pair else "PD", multiplier)
+    q = whole(problem, columns, scale * right[-1].conj())
+    p = whole(problem, rows, left[:, -1].conj())[: len(q) - 1]
+    return NormalForms(problem).cubic(y, q, p, "NS" if pair else "PD", multiplier)
 
 
 def plain_cubic(problem, y, multiplier, pair):
-    """The coefficient of PD or NS from singular vectors, LAPACK's solutions, and derivatives of third order in infinitesimals."""
+    """The coefficient of PD or NS from singular vectors, LAPACK's solutions, and the core's derivatives."""
     first, last, rows, columns, scale = plain_equations(problem, y)
     left, _, right = np.linalg.svd(first - multiplier * last)
     p, q = left[:, -1], right[-1].conj()
-    metric = units(problem)[: 2 * problem.degrees_of_freedom + 1]
+    unit = units(problem)
+    metric = np.array([unit[problem.size] if problem.has_clock else math.inf, *unit[: problem.size]])
     start = (scale * q)[: len(metric)] / metric
     largest = start[np.argmax(np.abs(start))]
     q = q * abs(largest) / largest / np.linalg.norm(start)
     p = p / np.vdot(p, last @ q).conj()
 
-    def whole(vector):
-        found = np.zeros(problem.unknowns, dtype=complex)
-        found[columns] = scale * vector
-        return found
+    def moved(vector):
+        return whole(problem, columns, scale * vector)
 
     def bent(a, b):
-        return problem.second_derivative(y, whole(a), whole(b))[rows]
+        return (problem.curvature.open_second(y, moved(a)) @ moved(b))[rows]
 
     def solved(value, right_side):
         return np.linalg.solve(first - value * last, -right_side)
 
     other = q.conj() if pair else q
-    cubic = third(problem, y, whole(q), whole(q), whole(other))[rows]
+    cubic = problem.curvature.open_third(y, moved(q), moved(q), moved(other))[rows]
     h = solved(multiplier**2, bent(q, q))
     if not pair:
         return np.vdot(p, cubic / 6.0 + bent(q, h) / 2.0).real
@@ -247,7 +253,7 @@ def plain_cubic(problem, y, multiplier, pair):
 @settings(max_examples=20, deadline=None, derandomize=True)
 @given(st.tuples(st.integers(1, 3), st.sampled_from(KINDS[:3]), st.integers(1, 3), st.integers(0, 10**6)))
 def test_the_compiled_coefficient_is_that_of_plain_algebra(case):
-    """Oracle: singular vectors, LAPACK and infinitesimals; several impacts, half a period, sticking, harmonics."""
+    """Oracle: singular vectors, LAPACK; several impacts, half a period, sticking, harmonics."""
     n, kind, impacts, seed = case
     problem, y = problem_of(n, kind, impacts, ["b"], np.random.default_rng(seed))
     first, last, *_ = plain_equations(problem, y)

@@ -158,8 +158,8 @@ def test_long_bounces_are_impacts_of_their_own():
     """Oracle: simulated states behind the end of summed bounces, and beside a strong damper."""
     plain, damped = (load_scene(name).parametric for name in ("impact_oscillator", "damped_impact_oscillator"))
     branch = response(plain, "r", (0.0, 1.0), {"w": 3.9, "s": -0.391, "r": 0.01})
-    ((_, step),) = switch_response(branch, branch.events[-1])
-    beyond = response(plain, "r", (0.139, 0.141), {"w": 3.9, "s": -0.391, "r": float(step.y[3])})
+    ((made, step),) = switch_response(branch, branch.events[-1])
+    beyond = response(plain, "r", (0.139, 0.141), {"w": 3.9, "s": -0.391, "r": float(step.y[made.place])})
     strong = response(damped, "A", (1500.0, 2500.0), {"c": 1e3, "e": 0.5, "A": 2e3})
     assert (branch.parameter[0], *strong.parameter[[0, -1]], strong.sequence) == (0.0, 1500.0, 2500.0, "++++=")
     assert step.y == pytest.approx(beyond.unknowns[beyond.start], abs=1e-9)

@@ -64,7 +64,7 @@ def test_one_impact_follows_both_roots_of_the_formula(one_impact):
     problem, run = one_impact
     (fold,) = events_of(run, "SN")
     for point in run.points:
-        s, speed = point.step.parameter, -point.step.y[1] / 0.8
+        s, speed = point.step.parameter, -problem.states(point.step.y)[0, 1] / 0.8
         if abs(s - fold.point.parameter) > 1e-6:  # there the speed is known to the root of rounding
             assert speed == pytest.approx(impact_speed(2.8, 0.8, 1, s, -1.0 if point.index < fold.index else 1.0), abs=1e-12)
     # all multipliers: their product is r^2
@@ -79,7 +79,8 @@ def test_the_events_of_one_impact_are_those_of_the_formula(one_impact):
     assert [event.code for event in run.events] == ["GR", "SN", "PD", "GR"]
     assert touch.point.parameter == pytest.approx(-0.368968205647608, abs=1e-13)
     assert fold.point.parameter == pytest.approx(-1.78023560132159, abs=1e-13)
-    assert -fold.point.y[1] / 0.8 == pytest.approx(4.07973990413528, abs=1e-6)  # a fold locates the speed to the root of rounding
+    # A fold locates the speed to the root of rounding.
+    assert -problem.states(fold.point.y)[0, 1] / 0.8 == pytest.approx(4.07973990413528, abs=1e-6)
     assert doubling.point.parameter == pytest.approx(-0.0685756522788391, abs=1e-14)
     assert problem.multipliers(doubling.point.y) == pytest.approx([-1.0, -0.64], abs=1e-12)
     assert "vanishes" in vanishing.details["note"]
@@ -93,7 +94,7 @@ def test_a_root_that_passes_through_the_stop_is_refused():
     speed = max(impact_speed(w, r, 2, s, sign) for sign in (1.0, -1.0))
     guesses = [problem.pack([[s, -r * speed]], [phase], [s]) for phase in np.linspace(0.0, 0.5, 60)]
     solution = problem.solve(min(guesses, key=lambda y: np.abs(problem.residual(y)).max()))
-    assert -solution.y[1] / r == pytest.approx(speed, abs=1e-10)
+    assert -problem.states(solution.y)[0, 1] / r == pytest.approx(speed, abs=1e-10)
     assert solution["clearance"] == pytest.approx(-0.0567, abs=5e-5)
 
 
@@ -104,7 +105,7 @@ def test_a_fold_beside_a_grazing_is_told_apart():
     (fold,) = events_of(run, "SN")
     (grazing,) = events_of(run, "GR")
     assert fold.point.parameter == pytest.approx(0.0999707536283133, abs=1e-13)
-    assert -fold.point.y[1] / 0.8 == pytest.approx(0.0041115, abs=1e-7)
+    assert -problem.states(fold.point.y)[0, 1] / 0.8 == pytest.approx(0.0041115, abs=1e-7)
     assert grazing.point.parameter == pytest.approx(0.1, abs=1e-12)
 
 
@@ -121,7 +122,7 @@ def test_the_response_without_impacts_grazes_where_the_formula_says():
         response = 1.0 / complex(1.0 - w * w, 0.1 * w)
         for point in run.points:
             a = point.step.parameter
-            assert point.step.y[:2] == pytest.approx([a * response.real, -a * w * response.imag], abs=1e-12)
+            assert problem.states(point.step.y)[0] == pytest.approx([a * response.real, -a * w * response.imag], abs=1e-12)
 
 
 @pytest.mark.parametrize("e", [0.5, 0.8])
@@ -162,8 +163,8 @@ def test_multipliers_keep_their_digits_beside_a_grazing(speed):
     problem = ForcedProblem(oscillator(), ["+"], ["s"], values={"s": s})
     guesses = [problem.pack([[s, -r * speed]], [phase], [s]) for phase in np.linspace(0.0, 1.0, 200)]
     y = problem.solve(min(guesses, key=lambda y: np.abs(problem.residual(y)).max())).y
-    assert -y[1] / r == pytest.approx(speed, rel=1e-6)
-    load = math.cos(2.0 * math.pi * y[2])
+    assert -problem.states(y)[0, 1] / r == pytest.approx(speed, rel=1e-6)
+    load = math.cos(2.0 * math.pi * problem.instants(y)[0])
     cosine, sine = math.cos(period), math.sin(period)
     # S = [[-r, 0], [(1 + r)(load - s)/v, -r]] after the flight's rotation
     trace = -2.0 * r * cosine + (1.0 + r) * (load - s) / speed * sine
@@ -206,7 +207,7 @@ def test_multipliers_have_the_right_product_at_each_restitution(kind, begin):
     parametric, released, keep, half = with_restitution(kind)
     plain, y = settled(parametric, ["e"], half=half, values={"e": begin})
     problem = ForcedProblem(parametric, plain.sequence, released, half=half, values=plain.values, keep=keep)
-    at = problem.parameters(plain.solve(y).y) | ({"c": 0.1 + 0.2 * begin} if keep else {})
+    at = plain.parameters(plain.solve(y).y) | ({"c": 0.1 + 0.2 * begin} if keep else {})
     size = 2 * plain.degrees_of_freedom
     guess = problem.pack(plain.nodes(y)[:, :size], plain.nodes(y)[:, size], [at[name] for name in released])
     run = followed(problem, guess, (0.0, 1.0))

@@ -29,7 +29,8 @@ def covered(problem, y, times):
     cover = problem.sibling([*problem.sequence] * times, load_periods=times * problem.load_periods)
     nodes = problem.nodes(y)
     fractions = np.concatenate([(nodes[:, size] + k) / times for k in range(times)])
-    return cover, cover.pack(np.tile(nodes[:, :size], (times, 1)), fractions, [y[size + 1]], np.tile(problem.flight_times(y), times))
+    states, flight_times = np.tile(nodes[:, :size], (times, 1)), np.tile(problem.flight_times(y), times)
+    return cover, cover.pack(states, fractions, problem.released_values(y), flight_times)
 
 
 @pytest.mark.parametrize("times", [1, 2, 8, 11])

@@ -18,7 +18,7 @@ from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop
 from tests.branches.forced_systems import oscillator
-from tests.lab.problems import chatter_end, fly
+from tests.lab.problems import chatter_end
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
 from transitions.sweep.settle import settle
@@ -308,7 +308,7 @@ def test_a_chatter_under_a_constant_force_has_a_closed_form(restitution):
     assert end.node == pytest.approx([0.5, 0.0, 0.3 + lasts * w / TURN, restitution], abs=1e-14)
     by_speed, by_restitution = lasts / speed * w / TURN, lasts / (restitution * (1.0 - restitution)) * w / TURN
     assert end.derivatives[2] == pytest.approx([0.0, by_speed, 1.0, by_restitution], abs=1e-12)
-    assert np.abs(end.derivatives[0] - [1.0, 0.0, 0.0, 0.0]).max() < 1e-13 and end.error < 1e-14
+    assert np.abs(end.derivatives[0] - [1.0, 0.0, 0.0, 0.0]).max() < 1e-13
 
 
 @pytest.mark.parametrize(("n", "name"), [(1, "r"), (2, "w"), (2, "d")])
@@ -338,15 +338,12 @@ def split_first_bounce(problem, y, other):
     """An orbit with its first summed bounce as an impact of its own."""
     i = len(problem.sequence) - 3  # the flight that ends with the chatter
     nodes, times, size = problem.nodes(y), problem.flight_times(y), 2 * problem.degrees_of_freedom
-    problem.residual(y)
-    before = problem._factor.before[i]
-    after = before.copy()
-    row = problem.segment.gap_rate[i]
-    after -= problem.segment.jump[i] * problem.segment.push[i] * (row @ before)
-    _, _, rate = fly(problem, after, 0.0)
+    after, row = problem.landed(y, i, problem.end_states(y)[i]), problem.rate[i]
+    arrived = problem.fly(nodes[i], float(times[i]), i)[1]
+    rate = problem.flown(np.array([*after, arrived, *nodes[i, size + 1 :]]), 0.0, 0).rates[:size]
     guess = -2.0 * (row @ after) / (row @ rate)
-    states, fractions = np.insert(nodes[:, :size], i + 1, after[:size], axis=0), np.insert(nodes[:, size], i + 1, after[size])
-    packed = other.pack(states, fractions, y[size + 1 : problem.size], np.insert(times, i + 1, guess))
+    states, fractions = np.insert(nodes[:, :size], i + 1, after, axis=0), np.insert(nodes[:, size], i + 1, arrived)
+    packed = other.pack(states, fractions, problem.released_values(y), np.insert(times, i + 1, guess))
     solved = other.solve(packed).y
     assert np.abs(other.nodes(solved)[-2] - nodes[-2]).max() < 1e-12
     return solved

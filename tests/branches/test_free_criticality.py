@@ -261,4 +261,4 @@ def test_a_symmetry_that_breaks_at_a_constant_parameter_is_degenerate(alpha):
     assert event.criticality == event.normal_form == "degenerate"
     wide, begin = switch_released(branch, event)[0]
     beside = follow_response(wide, begin, (0.0, 0.3), points=12)
-    assert np.ptp(beside.unknowns[:, 0]) > 1e-2 and np.ptp(beside.parameter) < 1e-10
+    assert np.ptp(beside.unknowns[:, 1]) > 1e-2 and np.ptp(beside.parameter) < 1e-10

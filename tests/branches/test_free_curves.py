@@ -23,7 +23,6 @@ from branches.curves.grazing_monitor import enter_least
 from branches.curves.plane import plane_of
 from branches.curves.single_orbits import narrowed, widened
 from branches.curves.starting import curve_start
-from branches.curves.steps import CompiledCurve
 from branches.curves.tracing import follow_curve
 from branches.family import SETTINGS
 from branches.linear_modes import linear_modes
@@ -365,34 +364,21 @@ def test_derivatives_of_a_critical_matrix(ends, symmetry):
     condition = breaking.condition(symmetry)
     rng = np.random.default_rng(5)
     direction, along = (rng.standard_normal(plane.size) * scale for _ in range(2))
-    direction[2 * 2] = along[2 * 2] = 0.0
+    direction[released.place] = 0.0  # where the energy is freed, the first parameter is no part of a perturbation
     step = 1e-5
-    for node in range(1, released.inner + 1):  # the parameters of all nodes are those of the first
-        place = node * (released.size + 1)
-        along[place + 5 : place + 7] = along[5:7]
     ahead, back = (breaking.matrix(plane.linearised(y + sign * step * along), symmetry) @ direction for sign in (1.0, -1.0))
     wanted = (ahead - back) / (2.0 * step)
-    found = condition._along(plane.linearised(y), direction) @ along
+    found = condition._whole_slopes(plane.linearised(y), direction[None], np.zeros(0)) @ along
     assert found == pytest.approx(wanted, abs=2e-7 * np.max(np.abs(wanted)))
 
 
 @pytest.mark.parametrize(("label", "code"), [("S11O00-", "SN"), ("S13O00+", "SB"), ("S31O11-", "PD"), ("S11O00-", "GR"), ("U21-", "GR")])
-def test_compiled_steps(branches, label, code):
-    """Oracle: the general corrector, with the same condition."""
+def test_steps_stay_on_the_curve(branches, label, code):
+    """Oracle: the residual, and the condition's gradient, to which the tangent is at right angles."""
     plane, curve, y = start(branches[label], code, ("energy", "mu"), (FREE, (0.02, 1.0)))
-    assert isinstance(curve, CompiledCurve)
-    general = Curve(plane, curve.condition, curve.monitor)
     begin = curve.begin(y)
-    scale = plane.scales(begin.y)
-    for ds in (0.03, -0.05, 1e-3):
-        found, wanted = (one.step(begin.y, begin.tangent, ds) for one in (curve, general))
-        assert found.converged and wanted.converged
-        assert np.max(np.abs(found.y - wanted.y) / scale) < 1e-10
-        assert found.turn == pytest.approx(wanted.turn, abs=1e-8)
-        # Sizes of the unknowns are those of the prediction, or of the point before: only zeros are the same.
-        signs = [[math.copysign(1.0, value) for value in step.tests if abs(value) > 1e-6] for step in (found, wanted)]
-        assert signs[0] == signs[1]
-    for corrected in (curve.corrected(begin.y, begin.tangent, 0.0), general.corrected(begin.y, begin.tangent, 0.0)):
+    for ds in (0.0, 0.03, -0.05, 1e-3):
+        corrected = curve.corrected(begin.y, begin.tangent, ds)
         assert corrected.residual < 1e-12
         assert corrected.held.gradient @ corrected.along == pytest.approx(0.0, abs=1e-10 * np.max(np.abs(corrected.held.gradient)))
 
@@ -411,7 +397,6 @@ def test_changes_of_a_segment(branches, window):
         "half of a half": lambda segment, change: segment.half(problem, change).twice().twice(),
     }
     way = np.random.default_rng(3).standard_normal(plane.size) * scale
-    problem.nodes(way)[:, 4], problem.nodes(way)[:, 5:] = 0.0, problem.nodes(way)[0, 5:]
     ahead, behind = (windows[window](segment_of(problem, y + sign * 1e-5 * way), None) for sign in (1.0, -1.0))
     here = segment_of(problem, y)
     found = windows[window](here, changed(problem, y, way))
@@ -436,7 +421,7 @@ def test_doubling_of_orbits_closed_on_themselves(branches):
     plane, unknowns = plane_of(problem, unknowns, ("energy", "mu"))
     monitor = FreeMonitor(plane, "PD", FOLD, (window[1], window[0]))
     run, closed = followed(plane, Curve(plane, free_condition(plane, "PD"), monitor), unknowns)
-    assert np.max(np.abs([point.step.y[-1] for point in run.points])) < 1e-12
+    assert np.max(np.abs([point.step.y[plane.problem.place - 1] for point in run.points])) < 1e-12
     # Both runs end at mu = 0.09 and 0.11.
     ends = [sorted((values[0]["mu"], values[0]["energy"]) for values in (points, points[::-1])) for points in (between, closed)]
     assert ends[0] == [pytest.approx(end, rel=1e-10) for end in ends[1]]
@@ -463,7 +448,7 @@ def test_refusals(branches):
 def test_turned_ends_have_as_many_rows():
     problem = ReleasedProblem(NES, ("origin", "stop+"), (), ("mu",), ("energy = 0.5",))
     turned = Turned(problem)
-    assert turned.unknowns == problem.unknowns and turned.segment.end_map.shape == problem.segment.end_map.shape
+    assert turned.unknowns == problem.unknowns and turned.end_rows.shape == problem.end_rows.shape
     assert free_condition(plane_of(problem, problem.pack([[0, 0, 1, 1]], [0], [0.1], [1.0]), ("mu", "energy"))[0], "SB", BOTH).own == 0
 
 
@@ -495,8 +480,8 @@ def test_rounding_does_not_choose_what_is_nearest_to_grazing(noise):
     problem, mode = ReleasedProblem(NES, ("rest", "rest"), (), ["mu"], ["energy = 0.08"]), linear_modes(SYSTEM)[0]
     shape = 0.9 * mode.amplitude * SYSTEM.modes.to_state[:2, mode.index]
     y = problem.pack([[*shape, 0.0, 0.0]], [0.0], [0.1], [2.0 * mode.alpha])
-    problem.residual(y)
-    seen = observed_free(problem, y, problem._factor.before * (1.0 + noise))
+    whole = problem.flights(y)
+    seen = observed_free(problem, y, whole._replace(ends=whole.ends * (1.0 + noise)))
     assert (seen["clearance_time"], seen["clearance_side"]) == (0.0, math.copysign(1.0, shape[0] - shape[1]))
     assert seen["clearance"] == pytest.approx(0.1, abs=1e-14)
     for values, least, first in (([0.3, 0.1, 0.1 * (1.0 + noise), math.inf], 0.1, 5), ([0.1 + 1e-9, 0.1], 0.1, 5), ([], math.inf, -1)):

@@ -19,7 +19,7 @@ import platformdirs
 import pytest
 
 from bvp.kernels import compiled, hook, stored
-from bvp.kernels.undamped import solve_upper
+from bvp.kernels.linear import substitute
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = [file for package in ("bvp", "branches", "transitions") for file in (ROOT / package).rglob("*.py")]
@@ -403,16 +403,16 @@ def test_a_kernel_without_machine_code_can_run_in_python(monkeypatch):
     monkeypatch.setattr(hook, "before_compiling", None)
     monkeypatch.setattr(compiled, "load", lambda module, name: None)
     monkeypatch.setattr(compiled, "keep", lambda module, name, file: None)
-    lower, column = np.array([[2.0, 0.0], [0.7, 3.0]]), np.array([1.0, -0.3])
-    solve, divide = (compiled.Kernel(function, _nrt=False) for function in (solve_upper.function, inverse))
+    factors, pivots, column = np.array([[2.0, 0.7], [0.5, 3.0]]), np.arange(2), np.array([1.0, -0.3])
+    solve, divide = (compiled.Kernel(function, _nrt=False) for function in (substitute.function, inverse))
     with hook.interpreted():
-        solve(lower, found := column.copy())
+        solve(factors, pivots, found := column.copy())
         assert not solve.entries
         assert divide(2.0) == 0.5 and not divide.entries
         with pytest.raises(hook.NotInterpretedError, match="inverse: float division by zero"):
             divide(0.0)
     assert divide(0.0) == math.inf and divide.entries
-    solve(lower, column)
+    solve(factors, pivots, column)
     assert solve.entries and np.array_equal(found, column)
 
 

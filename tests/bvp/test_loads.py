@@ -123,7 +123,7 @@ def test_larger_blocks_take_part():
 
 
 def test_a_flight_of_a_correction_that_diverges_ends_at_once():
-    """At resonance the work grows with the duration: of 1e300 time units no end is computed, and none is made up."""
+    """At resonance the work grows with the duration. Oracle: so does the motion, and no end that an orbit could have is made up."""
     flight = LoadedFlight(oscillator(), [1], np.ones((1, 1)), np.ones((1, 1)), [1.0, 1.0], 1)
     out, _, _ = flight.end([0.1, 0.2, 0.3, 1.0], 1e300)
-    assert np.isnan(out[:2]).all()
+    assert not np.linalg.norm(out[:2]) < 1e299

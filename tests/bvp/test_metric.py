@@ -41,7 +41,7 @@ def problems():
 def test_changes_of_the_coordinates_against_differences(problem, y):
     rng = np.random.default_rng(5)
     size = problem.size + 2
-    direction, found = rng.normal(size=size), Arclength(problem, y, size)
+    direction, found = rng.normal(size=size), Arclength(problem, y)
     np.testing.assert_allclose(found.position, position_of(problem, y), rtol=1e-14, atol=1e-14)
     assert np.isclose(found.value, problem.energy(y), rtol=1e-14) and np.isclose(found.period, problem.quarter_period(y), rtol=1e-14)
     row = found.row(direction)
@@ -78,10 +78,10 @@ def test_coordinates_in_parameters_against_differences(free):
     for size in (1e-3, 1.0, 1e3):
         y = problem.pack(size * rng.normal(size=(1 + free, 2)), [0.3] * (1 + free), [1.7, -0.2 * size, size], [[1.0], [0.7, 1.1]][free])
         time = np.log(1.8) if free else 0.3
-        x = y[:2] / units[:2]
+        x = problem.states(y)[0] / units[:2]
         reach = np.sqrt(1.0 + x @ x)
         plain = [*(x / reach), time, np.log(1.7), np.arcsinh(-0.2 * size / units[4]), np.arcsinh(size / units[5]), np.log(reach)]
-        direction, found = rng.normal(size=7), Arclength(problem, y, 7)
+        direction, found = rng.normal(size=7), Arclength(problem, y)
         np.testing.assert_allclose(found.position, plain, rtol=1e-14)
         np.testing.assert_allclose(problem.position(y), plain, rtol=1e-14)
         row = found.row(direction)
@@ -89,8 +89,8 @@ def test_coordinates_in_parameters_against_differences(free):
             expected = (problem.position(y + 1e-6 * step) - problem.position(y - 1e-6 * step)) / 2e-6
             change, length, slope = found.change(step)
             np.testing.assert_allclose(change, expected, rtol=1e-6, atol=1e-7 * length)
-            np.testing.assert_allclose(position_slopes(units, 2, y) @ step, expected, rtol=1e-6, atol=1e-7 * length)
-            assert np.isclose(length, np.linalg.norm(change), rtol=1e-13) and slope == step[3]
+            np.testing.assert_allclose(position_slopes(problem, y) @ step, expected, rtol=1e-6, atol=1e-7 * length)
+            assert np.isclose(length, np.linalg.norm(change), rtol=1e-13) and slope == step[problem.place]
             assert abs(row @ step - direction @ expected) < 1e-6 * length * np.linalg.norm(direction)
 
 

@@ -8,9 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from benchmarks.backbone import Backbone
-from bvp import checks
 from bvp.closures import EndsError
-from bvp.multipliers import sort_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
@@ -62,13 +60,13 @@ def test_backbone_at_a_fixed_energy(name):
     problem, y, h, alpha = backbone_at("energy = {h!r}", (name,))
     values = np.linspace(0.1, 0.16, 13)
     for value in values:
-        y[2 * 2 + 1] = value
+        y[problem.place] = value
         y = problem.solve(y).y
         at = problem.parameters(y)
         found = problem.period(y) / 4.0
         wanted = exact(at["mu"], at["sigma"], h, found)
         assert found == pytest.approx(wanted, rel=1e-12)
-        assert y[2:4] == pytest.approx([float(v) for v in Backbone(at["mu"], at["sigma"]).velocities(wanted)], rel=1e-11)
+        assert problem.states(y)[0, 2:] == pytest.approx([float(v) for v in Backbone(at["mu"], at["sigma"]).velocities(wanted)], rel=1e-11)
 
 
 @pytest.mark.parametrize("name", ["mu", "sigma"])
@@ -76,7 +74,7 @@ def test_backbone_at_a_fixed_quarter_period(name):
     """The closed form gives the energy."""
     problem, y, _, alpha = backbone_at("quarter_period = {alpha!r}", (name,))
     for value in np.linspace(0.1, 0.16, 7):
-        y[2 * 2 + 1] = value
+        y[problem.place] = value
         y = problem.solve(y).y
         at = problem.parameters(y)
         plain, orbit = problem.orbit_problem(y)
@@ -87,13 +85,12 @@ def test_backbone_at_a_fixed_quarter_period(name):
 def residual_twin(problem, y):
     """The equations by matrix exponentials, in complex numbers: an independent computation."""
     n, k = problem.degrees_of_freedom, problem.inner
-    size, width = 2 * n, problem.size
     symbols = dict(problem.values)
-    symbols.update(zip(problem.released, y[size + 1 : width], strict=True))
+    symbols.update(zip(problem.released, problem.released_values(y), strict=True))
     mass, stiffness, bounds = matrices(symbols)
     inverse = np.linalg.inv(mass)
     flow = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ stiffness, np.zeros((n, n))]])
-    rows = y[: (k + 1) * (width + 1)].reshape(k + 1, width + 1)
+    states, times = problem.states(y), problem.flight_times(y)
     out = []
 
     def struck(state, row, jump):
@@ -114,17 +111,15 @@ def residual_twin(problem, y):
     hits = [problem.modes.contact_letters[c] for c in problem.contacts[: k + 1] if c >= 0]
     row = np.array(problem.system.stops[0].gap)
     for i in range(k):
-        state = struck(expm(flow * rows[i, width]) @ rows[i, :size], row, 2.0)
-        out += [*(state - rows[i + 1, :size]), *(rows[i, size:width] - rows[i + 1, size:width])]
-        out.append(row @ rows[i + 1, :n] - bounds[hits[i]])
-    end = expm(flow * rows[k, width]) @ rows[k, :size]
-    first = rows[0, :size]
+        state = struck(expm(flow * times[i]) @ states[i], row, 2.0)
+        out += [*(state - states[i + 1]), row @ states[i + 1, :n] - bounds[hits[i]]]
+    end, first = expm(flow * times[k]) @ states[k], states[0]
     gradient = np.concatenate([stiffness @ first[:n], mass @ first[n:]])
     if problem.structure.periodic:
-        out += [*(struck(end, row, 2.0) - first + y[-1] * gradient), rows[0, size], row @ first[:n] - bounds[hits[k]]]
+        out += [*(struck(end, row, 2.0) - first + y[problem.place - 1] * gradient), row @ first[:n] - bounds[hits[k]]]
     else:
-        out += [*condition(problem.ends[0], first), *condition(problem.ends[1], end), rows[0, size]]
-    known = symbols | {"energy": 0.5 * gradient @ first, "quarter_period": rows[:, width].sum() / problem.quarters}
+        out += [*condition(problem.ends[0], first), *condition(problem.ends[1], end)]
+    known = symbols | {"energy": 0.5 * gradient @ first, "quarter_period": times.sum() / problem.quarters}
     for text in problem.keep:
         left, right = text.split("=")
         out.append(eval(left, {}, known) - eval(right, {}, known))
@@ -161,20 +156,12 @@ def test_residual_and_derivatives(case):
     start = [problem.values[name] * 1.07 for name in names]
     y = problem.pack(rng.normal(size=(rows, 6)), rng.normal(size=rows), start, rng.uniform(0.4, 1.5, rows))
     if problem.structure.periodic:
-        y[-1] = 0.3
-    for row in range(1, rows):  # the same parameters at each node, as on every iterate
-        problem.nodes(y)[row, 7:] = start
+        y[problem.place - 1] = 0.3
     found = problem.residual(y)
     assert found == pytest.approx(residual_twin(problem, y).real, abs=1e-12)
-    step, size, width = 1e-30, 6, problem.size
+    step = 1e-30
     wanted = np.array([residual_twin(problem, y + 1j * step * unit).imag / step for unit in np.eye(len(y))]).T
-    # Each node has the parameters. The kernels take a flight's from its own node, the twin from the first one: their sums agree.
-    together = np.eye(len(y))
-    for row in range(1, rows):
-        for j in range(len(names)):
-            own = row * (width + 1) + size + 1 + j
-            together[own, size + 1 + j], together[own, own] = 1.0, 0.0
-    assert np.abs((problem.jacobian(y) - wanted) @ together).max() < 1e-12 * np.abs(wanted).max()
+    assert np.abs(problem.jacobian(y) - wanted).max() < 1e-12 * np.abs(wanted).max()
 
 
 @pytest.mark.parametrize(("names", "message"), [(("lam",), "lam damps the system"), (("rho",), "rho changes a restitution")])
@@ -196,30 +183,28 @@ def test_number_of_equations():
         ReleasedProblem(NES, ("origin", "stop+"), (), ("mu", "sigma"), ["energy = 0.8"])
 
 
-def written(problem):
-    """What flights and impacts take from masses and springs."""
-    segment = problem.segment
-    free = segment.flight.free
-    parts = [free.delta, free.matrix, segment.flight.enter, segment.flight.leave, segment.flight.change]
-    return [part.copy() for part in (*parts, segment.drive, segment.drive_slope, segment.push, segment.push_slope)]
-
-
 @pytest.mark.parametrize("names", [("m", "k"), ("k", "d"), ("m",)])
 def test_undamped_modes_at_other_parameters(names):
-    """Oracle: the modes, and their derivatives, of the system that is made there (`bvp.forced_modes`)."""
+    """Oracle: the modes of the system that is made there (`bvp.forced_modes`), by all equations and their derivatives."""
     start = [0.0, 0.0, 0.0, 1.1, 0.8, 0.5]
     problem, y, *_ = released(chain(), ("origin", "stop+"), (), names, ["energy = {h!r}"] + ["d = 1.1"] * (len(names) - 1), start, [1.4])
-    assert problem._is_undamped
+    assert problem.is_undamped
     for factor in (1.1, 0.7, 1.0):
         there = y.copy()
-        problem.nodes(there)[:, 2 * problem.degrees_of_freedom + 1 :] *= factor
-        problem.residual(there)
-        found = written(problem)
-        other = problem.sibling(())
-        other.__dict__["_is_undamped"] = False
-        other.residual(there)
-        for one, wanted in zip(found, written(other), strict=True):
-            assert np.abs(one - wanted).max() < 1e-13 * max(1.0, np.abs(wanted).max())
+        problem.released_values(there)[:] *= factor
+        other = Damped(problem)
+        found, wanted = problem.jacobian(there), other.jacobian(there)
+        assert np.abs(problem.residual(there) - other.residual(there)).max() < 1e-12
+        assert np.abs(found - wanted).max() < 1e-11 * max(1.0, np.abs(wanted).max())
+
+
+class Damped(ReleasedProblem):
+    """The same problem, whose modes are made by Python at each value of the parameters."""
+
+    is_undamped = False
+
+    def __init__(self, problem):
+        super().__init__(problem.parametric, problem.ends, problem.sequence, problem.released, problem.keep, values=problem.values)
 
 
 @pytest.mark.parametrize("bad", [-1.3, 0.0, 1e-26, np.nan])
@@ -229,22 +214,9 @@ def test_a_mass_that_a_system_cannot_have(bad):
     problem, y, *_ = released(chain(), ("origin", "stop+"), (), ("m",), ["energy = {h!r}"], start, [1.4])
     before = problem.residual(y)
     there = y.copy()
-    problem.nodes(there)[:, 2 * problem.degrees_of_freedom + 1] = bad
+    there[problem.place] = bad
     assert np.isnan(problem.residual(there)).any()
     assert problem.residual(y) == pytest.approx(before, abs=1e-15)
-
-
-def test_multipliers_need_no_problem_of_the_system():
-    """Oracle: the problem of the system at the parameters of the orbit."""
-    start = [0.0, 0.0, 0.0, 1.1, 0.8, 0.5]
-    for problem, y, *_ in (
-        backbone_at("energy = {h!r}", ("mu",)),
-        released(chain(), ("origin", "stop+"), (), ("k",), ["energy = {h!r}"], start, [1.4]),
-    ):
-        problem.residual(y)
-        found, wanted = problem.formed_multipliers(y), problem._multipliers_of_system(y)
-        assert len(found) == 2 * problem.degrees_of_freedom - 2
-        assert sort_multipliers(found) == pytest.approx(sort_multipliers(wanted), rel=1e-10)
 
 
 def test_multipliers_of_an_orbit_with_negative_energy():
@@ -265,17 +237,3 @@ def test_multipliers_of_an_orbit_with_negative_energy():
     phi = half_map_of(plain, solution)[0]
     trace = 2.0 + 4.0 * float(phi[0, 1] * phi[1, 0])
     assert found[0] + found[-1] == pytest.approx(trace, rel=1e-10) and found[1:-1] == pytest.approx([1.0, 1.0])
-
-
-def test_limits_of_a_parameter_are_looked_at_anew():
-    """A parameter whose domain is located can leave it unseen: then the system is made at each point."""
-    problem, *_ = backbone_at("energy = {h!r}", ("mu",))
-    assert problem._is_undamped
-    problem.locate_domains(())
-    assert "_is_undamped" not in vars(problem)
-
-
-def test_the_sizes_of_entries_are_those_of_a_system():
-    from bvp.kernels import undamped
-
-    assert (undamped.EPSILON, undamped.SMALLEST, undamped.LARGEST) == (checks.EPSILON, checks.SMALLEST, checks.LARGEST)

@@ -11,15 +11,15 @@ from scipy.special import ellipj, ellipk
 
 from bvp.jet_programs import jet_program
 from bvp.programs import program_of
-from tests.lab.flights import ROUNDING, Loads, SmoothFlight
+from tests.lab.flights import ROUNDING, SmoothFlight
 
 W = sympy.Symbol("w", real=True)
 
 
-def power_flight(exponent: int, linear, row, push, loads=None):
+def power_flight(exponent: int, linear, row, push):
     """Flights with one force w^p."""
     program, potential = jet_program([W**exponent], [W])[0], program_of([W ** (exponent + 1) / (exponent + 1)], [W])
-    return SmoothFlight(linear, [row], push, program, potential, loads)
+    return SmoothFlight(linear, [row], push, program, potential)
 
 
 def duffing():
@@ -88,12 +88,12 @@ def test_duffing_is_elliptic(amplitude, part):
     assert abs(np.linalg.det(end.derivatives) - 1.0) < 1e-14 * np.linalg.norm(end.derivatives)
 
 
-def _sink(exponent: int, coupling: float = 0.1, loads=None):
+def _sink(exponent: int, coupling: float = 0.1):
     """The reference system with the force w^p between its masses in place of stops."""
     linear = np.zeros((4, 4))
     linear[0, 2] = linear[1, 3] = 1.0
     linear[2, :2], linear[3, :2] = [-10.0 * coupling, 10.0 * coupling], [coupling, -1.0 - coupling]
-    return power_flight(exponent, linear, [1.0, -1.0, 0.0, 0.0], [[-10.0], [1.0]], loads)
+    return power_flight(exponent, linear, [1.0, -1.0, 0.0, 0.0], [[-10.0], [1.0]])
 
 
 def _energy(z: np.ndarray, exponent: int, coupling: float = 0.1) -> float:
@@ -158,17 +158,6 @@ def test_no_step_jumps_over_a_near_contact_after_rest(speed, turn, size):
     for _ in range(80):
         state = flight.end(state, 1.5 / 80, derivatives=False).state
     assert abs(state[5]) > 0.01 and np.abs(flight.end(start, 1.5, derivatives=False).state - state).max() < 1e-9
-
-
-def test_a_load_beside_a_near_contact_leaves_no_trace():
-    """Oracle: the same flight without a load. Derivatives of an earlier flight decide nothing."""
-    load = Loads(np.array([1.0]), np.zeros((1, 1, 2, 4)), np.array([1.0]), 1.0)
-    plain, loaded = _sink(201), _sink(201, loads=load)
-    loaded.forget_derivatives()
-    for scale in np.linspace(0.9, 1.02, 25):
-        start = scale * np.array([0.0, 0.0, 3.3117, 5.2784])
-        ends = plain.end(start, 1.64, derivatives=False), loaded.end(np.append(start, 0.0), 1.64, derivatives=False)
-        assert np.array_equal(ends[0].state, ends[1].state)
 
 
 def test_the_derivative_is_that_of_the_flight():

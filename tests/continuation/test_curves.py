@@ -66,7 +66,8 @@ def cusp_plane():
 
 
 def cusp_fold_condition():
-    def along(at, v):
+    def along(at, parts, own):
+        v = parts[0]
         return np.array([[6.0 * at.y[0] * v[0], 0.0, -v[0]]])
 
     return SingularCondition(lambda at: (at.jacobian[:, :1], np.zeros((1, 1))), along, 1.0)
@@ -107,12 +108,15 @@ class MapPlane(Plane):
     def condition(self, multiplier):
         """Singular J - lambda, where at.jacobian has J - 1."""
 
-        def along(at, v):
-            second = np.zeros((2, 4))
-            second[1, 0] = 2.0 * v[0] + self.map.s * v[1]
-            second[1, 1] = self.map.s * v[0]
-            second[1, 3] = v[0]
-            return second
+        def along(at, parts, own):
+            seconds = np.zeros((len(parts), 2, 4))
+            for second, v in zip(seconds, parts, strict=True):
+                second[1, 0] = 2.0 * v[0] + self.map.s * v[1]
+                second[1, 1] = self.map.s * v[0]
+                second[1, 3] = v[0]
+            if len(parts) == 1:
+                return seconds[0]
+            return seconds.reshape(4, 4)
 
         return SingularCondition(lambda at: (at.jacobian[:, :2] + np.eye(2), -np.eye(2)), along, multiplier)
 

@@ -12,12 +12,16 @@ import saltus_core as core
 
 from branches.search.starts import curves
 from bvp.closures import cycle_of
+from bvp.forced import ForcedProblem
+from bvp.forced_orbits import core_arguments, smooth_arguments
 from bvp.forcing import Harmonic
 from bvp.orbits import Orbits
+from bvp.parameters import ParametricSystem
 from bvp.simulate import Simulator
 from bvp.smooth_flights import core_flight, modal_rows
 from bvp.system import vibro_impact_nes
 from continuation.control import Settings, control_of
+from tests.core.loaded_systems import DUFFING, HELD
 from tests.core.smooth_systems import chain
 from tests.core.systems import core_of
 
@@ -205,6 +209,8 @@ def function_calls(orbit):
     for name in ("solve", "product"):
         yield core, name, (square, rows[:, :2].copy())
     yield core, "cholesky", (square @ square.T,)
+    yield core, "undamped_modes", (square @ square.T, square + square.T)
+    yield core, "bounded_product", (rows[0].copy(), rows[1].copy())
     for name in ("orthonormal", "singular_directions"):
         yield core, name, (rows,)
     schur = core.schur(square)
@@ -232,9 +238,61 @@ def function_calls(orbit):
     yield core, "may_hide", (1.0, 0.5, 0.25, 0.1, 0.2)
     values = [1.0], [0.9], [0.8], [-0.7]
     yield core, "watch", ([0], [1e-5], *values, 0.01, 0.01, 0.01, 2)
+    yield core, "common_tests", (orbit.point, -math.inf, math.inf, math.inf, 2e-13)
+    yield from loaded_calls()
     yield from search_calls()
     yield from motion_calls()
     yield from number_calls()
+
+
+def forced_problem():
+    """An orbit under loads with a stop that sticks, in two parameters."""
+    system = ParametricSystem.from_description(HELD)
+    return ForcedProblem(system, ("a+=", "b-", "b+", "a+:"), ("w", "g"), keep=("g = 0.3 + w/4",), load_periods=2)
+
+
+def loaded_calls():
+    """Those of flights under loads."""
+    free, rng = core_of(vibro_impact_nes().modes)[0], np.random.default_rng(5)
+    enter, leave, push, forces = (rng.normal(size=(free.size, count)) for count in (free.size, free.size, free.size // 2, free.size // 2))
+    yield core, "LoadedFlight", (free, enter, leave, push, np.array([0.0, 1.0]))
+    flight = core.LoadedFlight(free, enter, leave, push, np.array([1.0]))
+    turns = np.array([1.0, 0.0]), np.array([0.6, 0.8])
+    smooth = ForcedProblem(ParametricSystem.from_description(DUFFING), ("+",), ("F", "p"), keep=("p = 10*F",))
+    yield core, "SmoothLoadedFlight", smooth_arguments(smooth)
+    yield flight, "end", (rng.normal(size=free.size), 0.7, *turns, np.array([1.3, 0.1]), forces, np.array([0.2]))
+
+
+def make_forced():
+    """Its problem in the core, as the class and its arguments."""
+    return core.ForcedProblem, (*core_arguments(forced_problem()), True)
+
+
+def forced_calls():
+    """Name, method and arguments for an orbit under loads."""
+    problem = forced_problem()
+    size, flights, u = 2 * problem.degrees_of_freedom, problem.inner + 1, problem.inner * (2 * problem.degrees_of_freedom + 1)
+    u += 2 * problem.degrees_of_freedom + 1 + len(problem.released)
+    rng = np.random.default_rng(6)
+    times = np.sort(rng.uniform(0.1, 0.9, flights))
+    y = np.concatenate([np.column_stack([times, rng.normal(size=(flights, size))]).ravel(), [1.1, 0.575]])
+    tangent, target = rng.normal(size=2 * u), float(y[-1])
+    arrays = nan(u), nan(2 * u), nan(size + 4), nan(flights, size), nan(POINT)
+    names = "residual", "jacobian", "scales", "multipliers", "flights", "growth", "measures", "failure"
+    yield from ((name, name, (y,)) for name in names)
+    yield "second", "derivative", (y, rng.normal(size=(2, u)))
+    yield "second_along", "second_along", (y, rng.normal(size=u))
+    yield "course", "course", (y, tangent[:u].copy())
+    yield "row", "constraint_row", (y, rng.normal(size=size + 4))
+    yield "open_derivative", "open_derivative", (np.append(y, 1.3), rng.normal(size=(2, u + 1)))
+    yield "begin_slopes", "begin_slopes", (y, 0)
+    for name, rest in (("fly", (0.3, -1, True)), ("path", (0.3,))):
+        yield name, name, (y[-2:].copy(), 0, rng.normal(size=size + 1), *rest)
+    yield "observe", "observe", (y, nan(flights, size), nan(POINT))
+    begins, durations = rng.normal(size=(flights, size + 1)), rng.uniform(0.1, 0.9, flights)
+    yield "observe_flights", "observe_flights", (y, begins, durations, rng.normal(size=(flights, size)), nan(POINT))
+    yield "step", "step", (y, tangent, 0.01, 12, True, *(part.copy() for part in arrays))
+    yield "correct", "correct", (y, np.eye(u)[-1].copy(), target, 12, *(part.copy() for part in arrays))
 
 
 def path_calls(flight, z):

@@ -20,8 +20,12 @@ import saltus_core
 from branches.building.build import build
 from branches.building.plan import Bounds, BuildPlan
 from branches.catalogue import Catalogue
+from bvp.forced import ForcedProblem
+from bvp.forced_orbits import core_problem
 from bvp.forcing import Constant, Harmonic
 from bvp.multipoint import MultipointProblem
+from bvp.parameters import ParametricSystem
+from bvp.released import ReleasedProblem
 from bvp.simulate import Simulator, run_linear
 from bvp.smooth_flights import core_flight
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
@@ -65,6 +69,45 @@ def families():
     yield "curvature of a chain", problem.jacobian(np.ldexp(1.0 + np.arange(problem.unknowns), -4))
 
 
+def loads():
+    """The equations of an orbit under loads, their derivatives, and its multipliers."""
+    description = {
+        "parameters": {"A": 0.75, "w": 1.25, "r": 0.5, "b": 0.125},
+        "system": {"mass": [[1.0]], "damping": [["b/2"]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": 0.25, "restitution": "r"}]},
+        "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}, {"load": [1.0], "constant": "A/8"}],
+    }
+    problem = ForcedProblem(ParametricSystem.from_description(description), ("+", "+", "+"), ("w", "A"), keep=("A = 0.6*w",))
+    core = core_problem(problem)
+    y = np.ldexp(1.0 + np.arange(core.unknowns), -4)
+    yield "residual", core.residual(y)
+    yield "jacobian", core.jacobian(y)
+    yield "second derivative", core.derivative(y, np.stack([y, y[::-1]]))
+    yield "multipliers", core.multipliers(y)
+
+
+def varied():
+    """The same where springs are parameters: of a free orbit, and with smooth forces under loads."""
+    parameters = {"k": 0.75, "a": 0.5, "p": 2.5, "w": 1.25, "A": 0.75}
+    stop = {"c": [1.0, -1.0], "lower": -1.0, "upper": 1.0}
+    system = {"mass": [[1.0, 0.0], [0.0, 0.5]], "stiffness": [["1 + k", "-k"], ["-k", 1.5]], "stops": [stop]}
+    free = ParametricSystem.from_description({"parameters": {"k": 0.75}, "system": system})
+    smooth = ParametricSystem.from_description(
+        {
+            "parameters": parameters, "system": system | {"springs": [{"on": "u1", "stiffness": "a", "power": "p"}]},
+            "forces": [{"load": [1.0, 0.0], "amplitude": "A", "harmonic": 1}],
+        }
+    )
+    for name, problem in {
+        "free": ReleasedProblem(free, ("origin", "stop+"), ("+",), ("k",), ["energy = 0.75"]),
+        "smooth": ForcedProblem(smooth, ("+", "-"), ("a", "p"), keep=("p = 5*a",)),
+    }.items():
+        core = core_problem(problem)
+        y = np.ldexp(1.0 + np.arange(core.unknowns), -4)
+        yield f"residual of a {name} orbit", core.residual(y)
+        yield f"jacobian of a {name} orbit", core.jacobian(y)
+        yield f"second derivative of a {name} orbit", core.derivative(y, np.stack([y, y[::-1]]))
+
+
 def searches():
     """Every orbit at an energy: quarter periods and states."""
     for energy in (0.5, 3.0):
@@ -74,6 +117,7 @@ def searches():
 
 
 CHAIN = np.array([[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.5]])
+
 
 def modes():
     """Of damped chains, whose modes are coupled, uncoupled and overdamped."""
@@ -154,7 +198,7 @@ def catalogues():
                             yield f"{name} {table} {column}" + ("" if is_number else f" {value!r}"), value if is_number else []
 
 
-PARTS = [elementary_functions, families, searches, modes, smooth_flights, motions, catalogues]
+PARTS = [elementary_functions, families, loads, varied, searches, modes, smooth_flights, motions, catalogues]
 
 
 def lines():

@@ -1,6 +1,6 @@
 """Step control of the core.
 
-Oracle: the rules in plain Python (`branches.kernels.control`), to the last bit but for the arcsine of `arclength_of`.
+Oracle: the rules in plain Python (`tests.lab.control`), to the last bit but for the arcsine of `arclength_of`.
 """
 
 import math
@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from branches.kernels import control as plain
+from branches.kernels.brackets import may_hide
 from continuation import Settings, control
+from tests.lab import control as plain
 
 numbers = st.floats(-1e3, 1e3)
 values = st.one_of(numbers, st.just(math.nan), st.just(0.0))
@@ -38,10 +39,10 @@ def test_the_same_steps_are_searched(tests, first, before, last):
     kinds, singular = [test[0] for test in tests], [1e-5 * test[1] for test in tests]
     points = [[test[k] for test in tests] for k in range(2, 6)]
     for step in range(3):
-        expected = plain.watch(kinds, singular, plain.may_hide, *points, first, before, last, step)
+        expected = plain.watch(kinds, singular, may_hide, *points, first, before, last, step)
         assert control.watch(kinds, singular, points, (first, before, last), step) == expected
 
 
 @given(st.floats(1e-6, 1e3), st.floats(1e-6, 1e3), lengths, numbers, numbers, st.sampled_from([1.0, -1.0]))
 def test_two_zeros_hide_in_the_same_intervals(a, b, length, bend, beside, sign):
-    assert control.may_hide(sign * a, sign * b, length, bend, beside) == plain.may_hide(sign * a, sign * b, length, bend, beside)
+    assert control.may_hide(sign * a, sign * b, length, bend, beside) == may_hide(sign * a, sign * b, length, bend, beside)

@@ -12,7 +12,6 @@ import pytest
 import saltus_core
 
 from bvp.closures import cycle_of
-from bvp.kernels.multipoint import RESULT
 from bvp.multipoint import RESULT_INDEX, MultipointProblem
 from bvp.orbits import Orbits
 from bvp.stability import chain_half_map
@@ -116,10 +115,6 @@ def test_test_functions_of_free_masses():
         assert abs(tests[11]) > 0.1 and math.isnan(tests[13])
         phi = chain_half_map(problem, found)[0]
         np.testing.assert_allclose([found["a"], found["b"]], phi[0], rtol=1e-12)
-
-
-def test_names_are_those_of_the_kernels():
-    assert tuple(saltus_core.POINT_NAMES) == RESULT and len(set(RESULT)) == len(RESULT)
 
 
 def test_wrong_sizes_are_refused():

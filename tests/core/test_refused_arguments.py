@@ -84,7 +84,7 @@ def test_functions():
         short = place.__name__.removeprefix("saltus_core.")
         functions = {name for name in public(place) if type(getattr(place, name)).__name__ == "nb_func"}
         assert {(short, name) for name in functions} <= tried
-    methods = {"OrbitProblem", "OrbitFamily", "Chain"}  # below
+    methods = {"AnyProblem", "OrbitProblem", "ForcedProblem", "OrbitFamily", "Chain"}  # below
     for name in public(core):
         kind = getattr(core, name)
         if type(kind).__name__ == "nb_type" and name not in methods:
@@ -112,6 +112,23 @@ def try_problem(orbit):
         holder = bound.make_chain(orbit, given)
         for _, method, arguments in bound.chain_calls(orbit, given):
             try_all(holder, method, arguments)
+
+
+def test_orbits_under_loads():
+    kind, arguments = bound.make_forced()
+    holder, seen = kind(*arguments), set()
+    for _, method, given in bound.forced_calls():
+        try_all(holder, method, given)
+        seen.add(method)
+    assert seen == {x for x in public(kind) if type(getattr(kind, x)).__name__ == "nb_method"}
+    for k, value in enumerate(arguments):
+        for other in others(value):
+            try:
+                made = kind(*arguments[:k], other, *arguments[k + 1 :])
+            except REFUSED:
+                continue
+            for _, method, given in bound.forced_calls():
+                attempt(getattr(made, method), given, (kind, k))
 
 
 def constructions(orbit):

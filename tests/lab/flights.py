@@ -8,11 +8,7 @@ import saltus_core as core
 
 from bvp import smooth_flights
 from bvp.kernels import flight as linear
-from bvp.kernels.forced import fly_loaded
-from bvp.kernels.loads import LoadedFlight as _LoadedArrays
-from bvp.kernels.loads import Loads
-from bvp.kernels.sources import make_load_sources
-from bvp.kernels.taylor import ROUNDING, fly_smooth, make_smooth_flight
+from bvp.kernels.taylor import ROUNDING, make_smooth_flight
 from bvp.smooth_flights import core_arrays, core_flight, modal_rows, why_not_flown
 
 __all__ = ["LinearFlight", "LoadedFlight", "Loads", "ROUNDING", "SmoothEnd", "SmoothFlight", "circular", "limit_steps", "smooth_flight"]
@@ -74,6 +70,19 @@ class LinearFlight:
         return self.core.fastest
 
 
+class Loads(NamedTuple):
+    """Loads in modal coordinates, and their derivatives by m parameters.
+
+    harmonics (H,), clock (1 + m,), load_periods : as in `LoadedFlight`
+    modal (1 + m, H, 2, N) : cosine and sine of each harmonic
+    """
+
+    harmonics: np.ndarray
+    modal: np.ndarray
+    clock: np.ndarray
+    load_periods: float
+
+
 class LoadedFlight:
     """The flights of a system under periodic loads, from nodes (u, v, fraction of the period, parameters).
 
@@ -85,41 +94,56 @@ class LoadedFlight:
 
     def __init__(self, system, harmonics, cosine, sine, clock, load_periods, cosine_slope=None, sine_slope=None, one_block=False):
         modes, n, m = system.modes, system.degrees_of_freedom, len(clock) - 1
-        size, zero = 2 * n, np.zeros((m, len(harmonics), n))
+        zero = np.zeros((m, len(harmonics), n))
         parts = [
             np.concatenate([[part], zero if slope is None else slope]) for part, slope in ((cosine, cosine_slope), (sine, sine_slope))
         ]
-        modal = np.stack(parts, axis=2) @ (modes.from_state[:, n:] @ np.linalg.inv(system.mass)).T
-        self.loads = Loads(np.array(harmonics, float), modal, np.array(clock, float), float(load_periods))
+        drive = modes.from_state[:, n:] @ np.linalg.inv(system.mass)
+        self._forces = np.stack(parts, axis=2).reshape(-1, n)
+        self.loads = Loads(np.array(harmonics, float), np.stack(parts, axis=2) @ drive.T, np.array(clock, float), float(load_periods))
         self.to_state = np.ascontiguousarray(modes.to_state)
-        self._arrays = _LoadedArrays(
-            LinearFlight(system, one_block).blocks, np.ascontiguousarray(modes.from_state), self.to_state, self.loads,
-            np.zeros((0, size, size)), np.zeros((4, size, size)), np.zeros((8, size)), np.zeros((size, size)), np.zeros((max(m, 1), size)),
-        )  # fmt: skip
+        self._flight = core.LoadedFlight(
+            LinearFlight(system, one_block).core, np.ascontiguousarray(modes.from_state), self.to_state, drive, self.loads.harmonics
+        )
 
     def end(self, node, t):
-        """Return the node at the end (N,), its derivatives by the first one (N, N), and its rate (N,)."""
-        node = np.array(node, float)
-        out, derivatives, rate = np.empty(len(node)), np.empty((len(node), len(node))), np.empty(len(node))
-        fly_loaded(self._arrays, node, float(t), out, derivatives, rate)
+        """Return the node at the end (N,), its derivatives by the first one (N, N), and its rate (N,).
+
+        The core's flights know the time by their oscillators.
+        """
+        loads, node = self.loads, np.array(node, float)
+        size = len(self.to_state)
+        w, turn = loads.clock[0], 2.0 * np.pi * loads.load_periods
+        clock = node[size], node[size] + t * w / turn
+
+        def oscillators(fraction):
+            angle = loads.harmonics * turn * fraction
+            return np.stack([np.cos(angle), np.sin(angle)], axis=1).ravel()
+
+        longer = -t * loads.clock[1:] / w  # while the oscillators stay
+        state, by_state, columns = self._flight.end(
+            node[:size].copy(), float(t), *map(oscillators, clock), loads.clock, np.ascontiguousarray(self._forces), longer
+        )
+        out = np.array([*state, clock[1], *node[size + 1 :]])
+        derivatives, rate = np.eye(len(out)), np.zeros(len(out))
+        derivatives[:size, :size] = by_state
+        derivatives[:size, size] = (columns[0] + columns[1]) * turn / w
+        derivatives[:size, size + 1 :] = (columns[2:] - longer[:, None] * columns[1]).T
+        derivatives[size, size + 1 :] = t * loads.clock[1:] / turn
+        rate[:size], rate[size] = columns[1], w / turn
         return out, derivatives, rate
 
 
 def smooth_flight(system, flights):
     """Return the flights of a conservative system with smooth forces as the kernels take them, with room for the paths of so many."""
     forces, (inputs, push) = system.smooth_forces, modal_rows(system)
-    flight = make_smooth_flight(system.modes.matrix, inputs, push, forces.program(), forces.energy_program(), flights)
-    if not forces.is_called:
-        return flight
-    from bvp.kernels.collocation import collocated
-
-    return collocated(flight)
+    return make_smooth_flight(system.modes.matrix, inputs, push, forces.program(), forces.energy_program(), flights)
 
 
 class SmoothEnd(NamedTuple):
     """The end of a flight with smooth forces.
 
-    state (N,), derivatives (N, C) : at the end, and by the state at the begin and what the loads depend on (of no use without columns)
+    state (N,), derivatives (N, N) : at the end, and by the state at the begin (of no use without columns)
     times (S + 1,), coefficients (S, order + 1, N) : of the steps
     """
 
@@ -140,62 +164,29 @@ class SmoothFlight:
     matrix (2 n, 2 n) : of the linear part of z'
     rows (I, 2 n), push (n, F) : the inputs of the forces, and the accelerations of unit forces
     program, potential : the forces' jets (`bvp.jet_programs.jet_program`), and the program of their energy
-    loads : `Loads`, optional
     """
 
-    def __init__(self, matrix, rows, push, program, potential, loads=None):
-        matrix, rows, push = (np.array(part, float) for part in (matrix, rows, push))
-        size = len(matrix)
-        sources = (make_load_sources(loads, np.zeros((0, size, size)), np.zeros((0, *push.shape))),) if loads is not None else ()
-        self._arrays = make_smooth_flight(matrix, rows, push, program, potential, 1, *sources)
-        self._core = core_arrays(matrix, rows, push, np.ones(size), program, potential) if loads is None else None
+    def __init__(self, matrix, rows, push, program, potential):
+        self.matrix, self.rows, self.push = (np.array(part, float) for part in (matrix, rows, push))
+        self._core = core_arrays(self.matrix, self.rows, self.push, np.ones(len(self.matrix)), program, potential)
 
     @classmethod
     def of(cls, system):
         """The flights of a system with smooth forces, in the modal coordinates of its linear part."""
         flight = cls.__new__(cls)
-        flight._arrays = smooth_flight(system, 1)
+        flight.matrix, (flight.rows, flight.push) = system.modes.matrix, modal_rows(system)
         flight._core = core_flight(system)
         return flight
 
-    @property
-    def matrix(self):
-        return self._arrays.matrix
-
-    @property
-    def rows(self):
-        return self._arrays.rows
-
-    @property
-    def push(self):
-        return self._arrays.push
-
-    @property
-    def is_collocated(self):
-        """Whether its steps are by collocation, as for a force that has no Taylor series."""
-        return bool(self._arrays.stages.address)
-
     def end(self, z, t, derivatives=True):
         """Return the `SmoothEnd` of a flight, or None where it cannot be computed. t < 0: back in time."""
-        if self._core is not None:
-            path = self._core.path(np.array(z, float), float(t), derivatives)
-            return SmoothEnd(path.end, path.map, path.times, path.coefficients) if path.complete else None
-        paths = self._arrays.paths
-        if not fly_smooth(self._arrays, 0, np.array(z, float), float(t), derivatives):
-            return None
-        count = int(paths.steps[0, 0])
-        return SmoothEnd(
-            paths.ends[0].copy(), paths.maps[0].copy(), paths.times[0, : count + 1].copy(), paths.coefficients[0, :count].copy()
-        )
+        path = self._core.path(np.array(z, float), float(t), derivatives)
+        return SmoothEnd(path.end, path.map, path.times, path.coefficients) if path.complete else None
 
     @property
     def why_not(self):
         """Why the last flight could not be computed; empty where it could."""
-        return why_not_flown(self._arrays if self._core is None else self._core)
-
-    def forget_derivatives(self):
-        """Replace what the last flight left by NaN."""
-        self._arrays.paths.maps[:] = np.nan
+        return why_not_flown(self._core)
 
 
 def limit_steps(monkeypatch, steps):

@@ -5,10 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.closures import end_maps, parse_end
-from bvp.kernels import step
-from bvp.kernels.forced import set_parameters
-from bvp.kernels.loaded_paths import forced_observe
-from bvp.kernels.summed_chatter import sum_chatter
 from bvp.multipoint import RESULT_INDEX
 
 __all__ = [
@@ -39,8 +35,8 @@ class Equations:
 
 
 def units(problem):
-    """Return the units of a node's entries in which arclength is measured, of a problem in parameters."""
-    return problem.segment.scale
+    """Return the units in which arclength is measured, of a problem in parameters: of (u, v), of the time, of the parameters."""
+    return problem.units
 
 
 class Arclength:
@@ -51,60 +47,44 @@ class Arclength:
         The energy and the quarter period; of a problem in parameters the first two numbers that the core keeps beside the position.
     """
 
-    def __init__(self, problem, y, entries):
-        self._orbits, self._segment = getattr(problem, "orbits", None), getattr(problem, "segment", None)
-        self._y = y
-        if self._orbits is not None:
-            self.position, _, self.value, self.period, _, _ = self._orbits.core.course(y, np.zeros(len(y)))
-        else:
-            self.position = np.empty(entries)
-            self.value, self.period = step.locate(self._segment, y, self.position)
+    def __init__(self, problem, y):
+        self._core, self._y = problem.core, y
+        self.position, _, self.value, self.period, _, _ = self._core.course(y, np.zeros(len(y)))
 
     def row(self, direction):
         """Return the row r with r . dy = <direction, change of the position along dy>."""
-        if self._orbits is not None:
-            return self._orbits.core.constraint_row(self._y, direction)
-        row = np.empty(len(self._y))
-        step.constraint_row(self._segment, self._y, self.value, self.period, self.position, direction, row)
-        return row
+        return self._core.constraint_row(self._y, direction)
 
     def change(self, tangent):
         """Return the change of the position along a tangent, its length, and the change of the value."""
-        if self._orbits is not None:
-            _, out, _, _, slope, length = self._orbits.core.course(self._y, tangent)
-            return out, length, slope
-        out = np.empty(len(self.position))
-        slope, length = step.metric_direction(self._segment, self._y, self.position, self.value, self.period, tangent, out)
+        _, out, _, _, slope, length = self._core.course(self._y, tangent)
         return out, length, slope
 
 
 def fly(problem, node, time):
-    """Return the end of a flight of a forced problem from a node (N,), its derivatives by the node (N, N), and its rate (N,)."""
-    set_parameters(problem.segment, np.array(node, float))
-    return problem.flown(np.array(node, float), float(time), 0)
+    """Return the end of a flight of a forced problem from a node (u, v, s, parameters), its derivatives by the node, and its rate."""
+    place, size, count = problem.flown(np.array(node, float), float(time), 0), problem.size, len(problem.released)
+    slopes = np.vstack([place.slopes[: size + 1], np.eye(count, size + 1 + count, size + 1)])
+    return np.append(place.values[: size + 1], node[size + 1 :]), slopes, np.append(place.rates[: size + 1], np.zeros(count))
 
 
 def clearance_under_loads(problem, y):
     """Return the smallest distance from a stop along an orbit of a forced problem; y need not be a solution."""
-    problem.residual(y)
-    result = np.full(len(RESULT_INDEX), np.nan)
-    forced_observe(problem.segment, problem._watched, np.array(y), problem._factor.before.copy(), problem._nothing, result)
+    result = problem.observed(y)
     assert result[RESULT_INDEX["gave_up"]] == 0.0
     return result[RESULT_INDEX["clearance"]]
 
 
 class ChatterEnd(NamedTuple):
-    """The end of infinitely many bounces: node (N,), derivatives by the node at their begin (N, N), and an error estimate."""
+    """The end of infinitely many bounces: node (u, v, s, parameters), and its derivatives by the node at their begin."""
 
     node: np.ndarray
     derivatives: np.ndarray
-    error: float
 
 
 def chatter_end(problem, impact, before):
-    """Return where the chatter of a forced problem ends that begins with an impact, from the node before it."""
-    after = np.empty(len(before))
-    set_parameters(problem.segment, before)
-    sum_chatter(problem.segment, impact, before, after)
-    chatter = problem.segment.sticking.chatter
-    return ChatterEnd(after, chatter.slope[impact].copy(), float(chatter.error[impact]))
+    """Return where the chatter of a forced problem ends that begins with the impact at the end of a flight, from the node before it."""
+    size, flight = problem.size, (impact + 1) % (problem.inner + 1)
+    y = np.zeros(problem.unknowns)
+    y[problem.place :], problem.instants(y)[flight], problem.states(y)[flight] = before[size + 1 :], before[size], before[:size]
+    return ChatterEnd(problem.nodes(y)[flight], problem.core.begin_slopes(y, flight))

@@ -280,7 +280,7 @@ def test_a_family_goes_on_where_impacts_exchange_their_order(capsys):
     assert before["w"] < behind["w"] < before["w"] + 0.01
     assert np.ptp(before["phase"]) < 1e-7 < np.ptp(behind["phase"])
     marked = next(event["point"] for event in second["events"] if event["type"] == "UZ")
-    *state, fraction, _ = second["points"][marked]["unknowns"][:8]  # others attract, too
+    fraction, *state = second["points"][marked]["unknowns"][:7]  # others attract, too
     start = f"--start={','.join(map(repr, state))}", "--phase", 2.0 * math.pi * fraction
     code, _, err = run(capsys, *words, "--set", "w=0.68", *start, "--points", "3", "--json", "b.json")
     assert code == 0, err

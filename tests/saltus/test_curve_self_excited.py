@@ -64,7 +64,7 @@ def test_a_fold_and_the_torus_that_begins_on_it(files, folder, capsys):
     for one, kind in ((fold, "SN"), (torus, "NS")):
         point = one["points"][len(one["points"]) // 2]
         lam, rho = point["parameters"]
-        period = point["unknowns"][7]  # behind the state, the fraction of the period, lam and rho
+        period = point["unknowns"][0]  # of one flight; then come the state, lam and rho
         assert lam == pytest.approx(exact_point(kind, VALUES | {"lam": lam, "rho": rho}, period, 1, "lam")[0], rel=1e-11)
 
 

@@ -283,5 +283,5 @@ def test_a_node_at_the_phase_to_rounding_is_at_it(late):
     scene = load_scene("ueda_oscillator", B=1.0)
     orbit = settled_orbit(path_of(scene.parametric), settle(scene.system, scene.forces))
     y = np.array(orbit.y)
-    orbit.problem.nodes(y)[0, 2] = late
+    orbit.problem.instants(y)[0] = late
     assert np.abs(strobe_states(orbit.problem, y)[0] - orbit.problem.nodes(y)[0, :2]).max() < 1e-12

@@ -250,7 +250,7 @@ def test_a_file_holds_all_of_a_branch(one_impact, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('"schema": 1', '"schema": 7', "schema 7 is not known"),
+        ('"schema": 2', '"schema": 7', "schema 7 is not known"),
         ('"kind": "response"', '"kind": "x"', "holds no response"),
         ('"load_periods": 1', '"load_periods": 2', "do not solve the equations"),
         ('"start": ', '"start": 100000', "no point"),

@@ -155,7 +155,7 @@ def orbits_at(branches: Sequence[ForcedBranch], values: dict[str, float]) -> lis
         for i in np.flatnonzero((off[:-1] * off[1:] <= 0.0) & (off[:-1] != off[1:])).tolist():
             part = off[i] / (off[i] - off[i + 1])
             guess = branch.unknowns[i] + part * (branch.unknowns[i + 1] - branch.unknowns[i])
-            branch.problem.nodes(guess)[:, 2 * branch.problem.degrees_of_freedom + 1] = value
+            guess[branch.problem.place] = value
             try:
                 solution = branch.problem.solve(guess)
             except NotConverged:

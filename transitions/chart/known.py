@@ -78,7 +78,7 @@ class KnownCurves:
         sizes = np.maximum(np.abs(numbers).max(axis=0), 1e-300)
         sizes[3:5] = 1.0
         # An impact that grazes has a speed of rounding.
-        sizes[5] = max(sizes[5], _SLOW * problem.segment.scale[problem.degrees_of_freedom])
+        sizes[5] = max(sizes[5], _SLOW * problem.units[problem.degrees_of_freedom])
         sizes[6:] = 1.0
         self._rows.append(_Row(curve_kind(curve.code, curve.plane, curve.grazing), curve, numbers / sizes, sizes))
 

@@ -67,7 +67,7 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
     if curve.grazing is not None and curve.grazing.kind == "held":
         return _chosen(list(_opened(path, problem, y)), y, problem, direction)
     seen = observed(problem, y)
-    speed, clearance = seen["speed"] / problem.segment.scale[problem.degrees_of_freedom], seen["clearance"] / problem.segment.scale[0]
+    speed, clearance = seen["speed"] / problem.units[problem.degrees_of_freedom], seen["clearance"] / problem.units[0]
     if not min(abs(speed) if problem.sequence else np.inf, abs(clearance)) < _GRAZES:
         return [_through(problem, y, direction)]
     found = [*_beside(problem, y)]
@@ -87,9 +87,8 @@ def _chosen(
     """The starts at orbits next to a grazing one, y (u,), on the side that is asked for. found: these orbits, each with its problem."""
     if not found:
         raise ValueError("no orbit of a family is next to this grazing")
-    place = 2 * problem.degrees_of_freedom + 1
     side = {"both": 0.0, "up": 1.0, "down": -1.0}[direction]
-    kept = [(made, other) for made, other in found if side * (other[place] - y[place]) >= 0.0]
+    kept = [(made, other) for made, other in found if side * (other[made.place] - y[problem.place]) >= 0.0]
     if not kept:
         raise ValueError(f"all families that meet at this grazing are on its other side; expected another direction than {direction}")
     return [ResponseStart(*one, "both") for one in kept]

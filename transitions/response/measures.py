@@ -19,7 +19,6 @@ from bvp.forced import ForcedProblem
 from bvp.forcing import split_damping
 from bvp.parameters import ParametricSystem
 from bvp.simulate import parts_of
-from transitions.response.kernels import make_measuring, orbit_measures
 from transitions.response.released import free_column, free_names, free_table
 from transitions.response.smooth import smooth_measures
 
@@ -68,13 +67,11 @@ Row = tuple[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]
 
 
 class _OrbitMeasures:
-    """The measures of the orbits of one problem, whose arrays they share."""
+    """The measures of the orbits of one problem."""
 
     def __init__(self, problem: ForcedProblem):
         self.problem = problem
-        segment, n = problem.segment, problem.degrees_of_freedom
-        sizes = problem._table.arrays.pairs.shape[1], 2 * n, len(segment.flight.loads.harmonics)
-        self.measuring = make_measuring(*sizes, False), make_measuring(*sizes, True)
+        n = problem.degrees_of_freedom
         layout, parametric = problem.parametric.layout, problem.parametric
         moved = parametric.program(problem.released).rows
         self.damping_moves = bool(np.any((moved >= layout.damping.start) & (moved < layout.damping.stop)))
@@ -100,8 +97,8 @@ class _OrbitMeasures:
 
     def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Peaks and integrals of an orbit with linear flights, which has no dampers that are not linear."""
-        peaks, totals = np.empty(self.problem.degrees_of_freedom), np.empty(len(self.measuring[0].out))
-        if not orbit_measures(self.problem.segment, *self.measuring, np.ascontiguousarray(y), peaks, totals):
+        found, peaks, totals = self.problem.core.measures(np.ascontiguousarray(y))
+        if not found:
             raise RuntimeError("the search for the largest displacements of an orbit gave up")
         return peaks, totals, np.zeros(0)
 

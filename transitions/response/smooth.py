@@ -37,7 +37,8 @@ def smooth_measures(problem: ForcedProblem, y: np.ndarray) -> tuple[np.ndarray, 
     peaks : (n,) ndarray
         Largest displacements, at the zeros of the velocities' polynomials.
     totals : (R,) ndarray
-        Integrals as of `transitions.response.kernels.Measuring`.
+        Integrals of the squares of displacements (n), of the products of two velocities, row by row of the upper triangle, and of the
+        powers of the loads (n).
     lost : (S,) ndarray
         Energies that the dampers take which are not linear, those of `bvp.simulate.smooth_dampers`.
 

@@ -103,7 +103,7 @@ def _linear_start(path: ParameterPath, problem: ForcedProblem) -> np.ndarray:
     """The unknowns of the linear system's response without impacts, in the pieces of a problem. A single flight begins with zeros: Newton's
     first step leads to that response."""
     system, layout, entries = problem.system, path.parametric.layout, path.parametric.entries(problem.values)
-    n, fractions = problem.degrees_of_freedom, np.arange(problem.pieces) * problem.segment.closing[1] / problem.pieces
+    n, fractions = problem.degrees_of_freedom, np.arange(problem.pieces) * problem.closing[1] / problem.pieces
     states = np.zeros((problem.pieces, 2 * n))
     loads = entries[layout.cosine].reshape(-1, n) - 1j * entries[layout.sine].reshape(-1, n)
     for k, load in zip((0.0, *layout.harmonics), (entries[layout.constant], *loads), strict=True) if problem.pieces > 1 else ():
@@ -120,12 +120,11 @@ def _smooth_response(path: ParameterPath, problem: ForcedProblem) -> tuple[Force
     for cut in _cut_problems(problem, path):
         with suppress(NotConverged):
             return cut, cut.solve(_linear_start(path, cut))
-    start, (sign, part), passed = _linear_start(path, problem), problem.segment.closing, 0
-    node = problem.nodes(start)[0]
+    start, (sign, part), passed = _linear_start(path, problem), problem.closing, 0
     for periods in _PERIODS:
         while passed < periods:
-            state, _ = problem.fly(node, part * problem.period(start))
-            node[: len(state)] = sign * state
+            state, _ = problem.fly(problem.nodes(start)[0], part * problem.period(start))
+            problem.states(start)[0] = sign * state
             passed += 1
         with suppress(NotConverged):
             return problem, problem.solve(start)
@@ -137,7 +136,7 @@ def _smooth_response(path: ParameterPath, problem: ForcedProblem) -> tuple[Force
 def _cut_problems(problem: ForcedProblem, path: ParameterPath) -> Iterator[ForcedProblem]:
     """The problem, and where the linear system is unstable also in more and more pieces: the motion from the state 0 leaves it then."""
     rate = float(np.linalg.eigvals(problem.modes.flight.matrix).real.max())
-    exponent = rate * problem.segment.closing[1] * problem.period(_linear_start(path, problem))
+    exponent = rate * problem.closing[1] * problem.period(_linear_start(path, problem))
     pieces = enough_pieces(math.exp(min(exponent, LARGEST)), 1, problem.most_pieces)
     yield problem.sibling((), pieces=pieces)
     while exponent > 1.0 and pieces < problem.most_pieces:
@@ -197,7 +196,7 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     if linear and (why := _not_isolated(problem, solution.y)) is not None:
         raise Unbounded(f"{settled.text}; it is not isolated: {why}")
     # A state after an impact without rebound can be zero; a time is a fraction of the period.
-    sizes = problem.scales(solution.y)[: 2 * n]
+    sizes = problem.scales(solution.y)[1 : 2 * n + 1]
     for states in (settled.states, settled.impacts.before):
         sizes = np.maximum(sizes, np.repeat(np.abs(states).reshape(-1, 2, n).max(axis=(0, 2), initial=0.0), n))
     apart = np.abs(problem.nodes(solution.y) - problem.nodes(guess))[:, : 2 * n + 1]

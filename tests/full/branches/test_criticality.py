@@ -14,10 +14,10 @@ from tests.lab.problems import units
 
 def torus_radius(problem, y, start, rounds):
     """The root of the mean square of the start's distance from that of an orbit with one impact, over sqrt(2), on the torus around it."""
-    n, segment = problem.degrees_of_freedom, problem.segment
-    gap, push, closing = segment.gap[0, :n], segment.push[0, n : 2 * n], segment.closing
+    n, closing = problem.degrees_of_freedom, problem.closing
+    gap, push = problem.gap[0, :n], problem.push[0, n:]
     stop = problem.system.stops[0]
-    bound = stop.upper if segment.side[0] > 0 else stop.lower
+    bound = stop.upper if problem.side[0] > 0 else stop.lower
     scale = units(problem)[: 2 * n + 1]
     node, time = problem.nodes(y)[0].copy(), float(problem.flight_times(y)[0])
     node[n : 2 * n] += start * scale[n : 2 * n]
@@ -44,7 +44,7 @@ def test_the_torus_has_the_size_of_its_normal_form():
     problem, y = first.problem, first.unknowns[event.point]
     found = criticality(problem, y, "NS", event.angle)
     assert found.kind == "supercritical" and found.coefficient == pytest.approx(criticality(problem, y, "NS").coefficient, rel=1e-9)
-    place = 2 * problem.degrees_of_freedom + 1
+    place = problem.place
     errors = []
     for change, rounds in ((-6e-3, 16000), (-1.2e-2, 8000)):
         moved = y.copy()
