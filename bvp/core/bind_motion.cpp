@@ -1,4 +1,6 @@
 /// Python's view of simulated motion.
+#include <algorithm>
+
 #include "bindings.hpp"
 #include "motions.hpp"
 
@@ -32,8 +34,9 @@ void make_modes(ContactModes* self, int coordinates, int dampers, int stops, InV
                 InIndices part, InVector frequency, InVector breaks, InMatrix levels, InMatrix slopes) {
     const size_t count = contact_mass.shape(0);
     if (count > 62) throw nb::value_error("a motion has up to 62 contacts");
-    for (int64_t part : {int64_t(coordinates) - 1, int64_t(dampers), int64_t(stops)})
-        if (part < 0 || part >= 1'000'000) throw nb::value_error("expected from 1 coordinate, and from no damper and no stop, to a million");
+    constexpr int MOST = 1'000'000;
+    if (coordinates < 1 || dampers < 0 || stops < 0 || std::max({coordinates, dampers, stops}) > MOST)
+        throw nb::value_error("expected from 1 coordinate, and from no damper and no stop, to a million");
     new (self) ContactModes(ContactFrame{
         coordinates, dampers, stops, own(contact_mass), indices(contact_stop, "contact_stop", count, stops),
         indices(part, "part", part.shape(0), dampers + stops + 1), own(frequency), own(breaks),
