@@ -195,31 +195,36 @@ class ContactModeTable:
         """Add the contact mode in which the contacts of the bit set `sticking` stick."""
         self.modes[sticking] = self._mode(sticking)
         self.__dict__.pop("stacked", None)
-        if "core" in self.__dict__:
+        if "_in_core" in self.__dict__:
+            _ = self.core
+
+    @property
+    def core(self) -> saltus_core.ContactModes:
+        """The contact modes as the compiled core has them, each in its own size and all in the same order. `add` adds to them, and what an
+        interrupt has left out is made up for."""
+        for sticking in list(self.modes)[len(self._in_core) :]:
             self._add_to_core(sticking)
+        return self._in_core
 
     @cached_property
-    def core(self) -> saltus_core.ContactModes:
-        """The contact modes as the compiled core has them, each in its own size. `add` adds to them."""
+    def _in_core(self) -> saltus_core.ContactModes:
+        """Those that the core has so far: at first none."""
         every = self._of_all
         levels = every["levels"]
         coordinates, dampers, stops = every["shape"].tolist()
-        self.__dict__["core"] = modes = saltus_core.ContactModes(
+        return saltus_core.ContactModes(
             coordinates, dampers, stops, every["contact_mass"], np.array(every["contact_stop"], dtype=np.int64),
             np.array(self.terms.part, dtype=np.int64), np.array(every["frequency"], dtype=float), np.array(every["breaks"], dtype=float),
             np.ascontiguousarray(levels[:, :, 0]), np.ascontiguousarray(levels[:, :, 1]),
         )  # fmt: skip
-        for sticking in self.modes:
-            self._add_to_core(sticking)
-        return modes
 
     def _add_to_core(self, sticking: int) -> None:
-        mode, restitution = self.modes[sticking], np.array(self._of_all["restitution"], dtype=float)
+        mode, restitution = self.modes[sticking], np.array(self.system.modes.contacts.restitution, dtype=float)
         size = len(mode["matrix"])
         flight = saltus_core.LinearFlight(*(mode[name] for name in ("pairs", "mean", "delta", "matrix")), np.zeros(size))
         rows = (mode[name] for name in ("gap", "rate", "acceleration", "side", "bound", "push"))
         maps = (mode[name] for name in ("push_rest", "leave", "enter", "to_modes", "from_modes", "first", "second"))
-        self.core.add(sticking, flight, saltus_core.Contacts(*rows, restitution), *maps, np.array(self.terms.weight, dtype=float))
+        self._in_core.add(sticking, flight, saltus_core.Contacts(*rows, restitution), *maps, np.array(self.terms.weight, dtype=float))
 
     def entered(self, sticking: int, x: np.ndarray) -> np.ndarray:
         """The state of a contact mode from x = (u, v, y)."""

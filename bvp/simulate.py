@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 __all__ = ["BeyondStop", "LinearRuns", "Simulator", "energies_of", "run_linear", "simulate"]
 
 
+PASSES = 1 << 14
+"""Passes of one of many motions between two questions whether they are interrupted."""
+
+
 class BeyondStop(ValueError):
     """A start beyond a stop: the message names the stop, its gap and its bounds."""
 
@@ -323,7 +327,7 @@ class Simulator:
         with_peaks : bool
             Whether to find the largest displacements.
         threads : int
-            Threads that share the motions of a linear system. The results do not depend on it.
+            Threads that share the motions of a linear system, as far as there are processors. The results do not depend on it.
 
         Raises
         ------
@@ -362,8 +366,8 @@ class Simulator:
     def _run_many_smooth(
         self, starts: np.ndarray, initial: np.ndarray, duration: float, max_impacts: int, fractions: np.ndarray, with_peaks: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Motions with smooth forces: their summary, with the columns of `run_linear`, and the final states in modal coordinates. The
-        starts become final states."""
+        """Motions with smooth forces: their summary, and the final states in modal coordinates. The columns are those of `run_linear`, but
+        7 is the initial energy, and 8 is not used. The starts become final states."""
         n, parts = self.system.degrees_of_freedom, len(self.parts)
         summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2) + n * with_peaks))
         summary[:, 7] = initial
@@ -440,7 +444,8 @@ def run_linear(
     rows = np.arange(count)
     while len(rows):
         saltus_core.run_batch(
-            table.core, starts, energies, changed, on, most, rows, duration, fractions, with_peaks, to_rest, threads, summary, final, modal
+            table.core, starts, energies, changed, on, most, rows, duration, fractions, with_peaks, to_rest, PASSES, threads,
+            summary, final, modal,
         )
         rows = rows[summary[rows, 0] == kernels.NEW_MODE]
         for sticking in np.unique(summary[rows, 8]).astype(np.int64).tolist():

@@ -33,7 +33,8 @@ nb::object integers(const std::vector<int64_t>& values) {
 void make_modes(ContactModes* self, int coordinates, int dampers, int stops, InVector contact_mass, InIndices contact_stop,
                 InIndices part, InVector frequency, InVector breaks, InMatrix levels, InMatrix slopes) {
     const size_t count = contact_mass.shape(0);
-    if (count > 62) throw nb::value_error("a motion has up to 62 contacts");
+    if (count > 53) throw nb::value_error("a motion has up to 53 contacts");  // a set of them is a number in a summary
+    if (frequency.shape(0) > 0 && breaks.shape(0) == 0) throw nb::value_error("loads have a level from one time on");
     constexpr int MOST = 1'000'000;
     if (coordinates < 1 || dampers < 0 || stops < 0 || std::max({coordinates, dampers, stops}) > MOST)
         throw nb::value_error("expected from 1 coordinate, and from no damper and no stop, to a million");
@@ -121,7 +122,7 @@ void bind_motion(nb::module_& m) {
         }, "Time and sums of each mark; NaN: not reached.");
     m.def("run_batch",
           [](const ContactModes& modes, InMatrix starts, InVector energies, InVector restitution, InIndices leaving, InIndices most, InIndices rows,
-             double duration, InVector fractions, bool with_peaks, bool to_rest, int threads, OutMatrix summary, OutMatrix final,
+             double duration, InVector fractions, bool with_peaks, bool to_rest, int64_t passes, int threads, OutMatrix summary, OutMatrix final,
              OutMatrix modal) {
               const size_t count = starts.shape(0), width = 2 * size_t(modes.frame().coordinates);
               if (modes.count() == 0) throw nb::value_error("there is no free contact mode");
@@ -136,7 +137,8 @@ void bind_motion(nb::module_& m) {
               for (const OutMatrix* each : {&final, &modal}) require_size("a final state", each->shape(1), width);
               for (size_t k = 0; k < rows.shape(0); ++k)
                   if (rows.data()[k] < 0 || rows.data()[k] >= int64_t(count)) throw nb::value_error("there is no such motion");
-              const BatchLimits limits{duration, own(fractions), with_peaks, to_rest};
+              if (passes < 1 || threads < 1) throw nb::value_error("expected one pass and one thread, or more");
+              const BatchLimits limits{duration, own(fractions), with_peaks, to_rest, passes};
               const Batch batch{view(starts), view(energies), view(restitution), {leaving.data(), count}, {most.data(), count},
                                 {rows.data(), rows.shape(0)}, view(summary), view(final), view(modal)};
               bool raised = false;
@@ -151,7 +153,7 @@ void bind_motion(nb::module_& m) {
               if (raised) throw nb::python_error();
           },
           nb::arg("modes"), nb::arg("starts"), nb::arg("energies"), nb::arg("restitution"), nb::arg("leaving"), nb::arg("most"), nb::arg("rows"),
-          nb::arg("duration"), nb::arg("fractions"), nb::arg("with_peaks"), nb::arg("to_rest"), nb::arg("threads"),
+          nb::arg("duration"), nb::arg("fractions"), nb::arg("with_peaks"), nb::arg("to_rest"), nb::arg("passes"), nb::arg("threads"),
           nb::arg("summary"), nb::arg("final"), nb::arg("modal"), "Run motions without a record of their events.");
 }
 

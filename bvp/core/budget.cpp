@@ -14,6 +14,8 @@ constexpr double SMALL = 0.1;
 constexpr double LOST = 4.0;
 /// Decay, relative to the rate of a block, from which on it counts as coming to rest.
 constexpr double SETTLES = 1e-9;
+/// Decay, as a logarithm, after which the products of a motion are nothing beside what they were.
+constexpr double SETTLED = 50.0;
 /// Taylor terms on a part of a flight with a rate times time of 1 at most: truncation below 1e-17.
 constexpr int TERMS = 19;
 /// Parts of a flight above which the doubled matrix is cheaper.
@@ -68,7 +70,12 @@ FlightIntegrals::FlightIntegrals(const LinearFlight<>& flight, const Products& p
         }
         decays_ = decays_ && flight.steps().is_usable() && b.delta != 0.0 && b.is_pair();
     }
-    for (const Slot& slot : slots_) decays_ = decays_ && slot.rate.real < -SETTLES * abs(slot.rate);
+    double slowest = INFINITE;
+    for (const Slot& slot : slots_) {
+        decays_ = decays_ && slot.rate.real < -SETTLES * abs(slot.rate);
+        slowest = std::min(slowest, -slot.rate.real);
+    }
+    if (decays_ && !slots_.empty()) settled_ = SETTLED / slowest;
     for (size_t k = 0; k < slots_.size(); ++k) {
         for (size_t q = k; q < slots_.size(); ++q) {
             for (const Number& x : {slots_[k].rate + slots_[q].rate, slots_[k].rate + conj(slots_[q].rate)}) {
@@ -172,6 +179,7 @@ void FlightIntegrals::over(const LinearPath<DYNAMIC, P>& path, double t, Vector<
         if (apart && !same_[c]) apart = weights<P>(count + c, z, t, first);
     }
     if (!apart) {
+        t = std::min(t, settled_);
         if (flight_.fastest() * t <= MOST_PARTS) add_series(path.begin(), t, out);
         else add_doubled(path.begin(), t, out);
         return;

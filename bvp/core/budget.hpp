@@ -37,7 +37,7 @@ public:
     /// out (R,) = the integrals over a flight of t from the path's begin. t may be infinite where all motion decays.
     template <int P>
     void over(const LinearPath<DYNAMIC, P>& path, double t, Vector<double> out) const;
-    /// Whether the integrals over infinite time exist for every flight, by the closed form.
+    /// Whether the integrals over infinite time exist for every flight.
     bool decays() const { return decays_; }
 
 private:
@@ -77,6 +77,7 @@ private:
     std::vector<char> same_;  // whether both functionals of a product are the same
     bool apart_ = true;       // whether no row has a part in a block of three and more
     bool decays_ = true;
+    double settled_ = INFINITE;  // after this time nothing is left to integrate
 };
 
 }  // namespace saltus

@@ -43,7 +43,6 @@ struct Record {
     std::vector<int64_t> kinds, contacts, modes;
     std::vector<double> times, speeds, losses;
     std::vector<double> before, states, sums;  // rows one after another; those of states have the size of their mode
-    int count() const { return int(kinds.size()); }
     void clear() { *this = Record(); }
 };
 

@@ -1,8 +1,13 @@
 /// Many motions of one system.
 #include "motions.hpp"
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
+#include <exception>
+#include <mutex>
 #include <optional>
+#include <system_error>
 #include <thread>
 
 namespace saltus {
@@ -32,13 +37,12 @@ void summarise(const ContactModes& modes, const Motion& motion, Reason reason, d
 
 void run_one(const ContactModes& modes, const BatchLimits& limits, const Batch& batch, int64_t b,
              const std::function<bool()>& stops) {
-    constexpr int64_t PASSES = 1 << 14;
     std::optional<ContactModes> changed;
     if (batch.restitution[b] == batch.restitution[b]) changed.emplace(modes.with_restitution(batch.restitution[b]));
     const ContactModes& own = changed ? *changed : modes;
     Motion motion(own, batch.starts[int(b)], batch.energies[b], int(batch.leaving[b]), limits.fractions, limits.with_peaks, limits.to_rest);
     Reason reason = Reason::PAUSED;
-    while (reason == Reason::PAUSED && !stops()) reason = motion.move(limits.duration, batch.most[b], PASSES, nullptr);
+    while (reason == Reason::PAUSED && !stops()) reason = motion.move(limits.duration, batch.most[b], limits.passes, nullptr);
     Vector<double> row = batch.summary[int(b)];
     std::fill(row.begin(), row.end(), NOT_A_NUMBER);
     summarise(own, motion, reason, limits.duration, row);
@@ -52,21 +56,51 @@ void run_one(const ContactModes& modes, const BatchLimits& limits, const Batch& 
 
 void run_batch(const ContactModes& modes, const BatchLimits& limits, const Batch& batch, int threads,
                const std::function<bool()>& interrupted) {
+    using Clock = std::chrono::steady_clock;
     std::atomic<size_t> next = 0;
+    std::atomic<int> active = 0;
     std::atomic<bool> ends = false;
+    std::exception_ptr error;
+    std::mutex guard;
     const auto work = [&](const std::function<bool()>& stops) {
-        for (size_t k = next++; k < batch.rows.size(); k = next++) run_one(modes, limits, batch, batch.rows[k], stops);
+        try {
+            for (size_t k = next++; k < batch.rows.size() && !stops(); k = next++) run_one(modes, limits, batch, batch.rows[k], stops);
+        } catch (...) {
+            const std::lock_guard held(guard);
+            error = std::current_exception();
+            ends = true;
+        }
+    };
+    Clock::time_point asked = Clock::now();
+    const auto ask = [&] {
+        // A question costs more than a motion.
+        if (!ends && Clock::now() - asked >= std::chrono::milliseconds(100)) {
+            if (interrupted()) ends = true;
+            asked = Clock::now();
+        }
+        return ends.load();
     };
     std::vector<std::thread> others;
-    for (int i = 1; i < threads && size_t(i) < batch.rows.size(); ++i)
-        others.emplace_back(work, [&ends] { return ends.load(); });
-    int count = 0;
-    work([&] {
-        // A question costs more than a motion.
-        if (count++ % 64 == 0 && !ends && interrupted()) ends = true;
-        return ends.load();
-    });
+    const size_t wanted = std::min({size_t(std::max(threads, 1)), batch.rows.size(), size_t(std::max(1u, std::thread::hardware_concurrency()))});
+    while (others.size() + 1 < wanted) {
+        ++active;
+        try {
+            others.emplace_back([&] {
+                work([&ends] { return ends.load(); });
+                --active;
+            });
+        } catch (const std::system_error&) {  // the system gives no more
+            --active;
+            break;
+        }
+    }
+    work(ask);
+    while (active > 0) {
+        ask();
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
     for (std::thread& other : others) other.join();
+    if (error) std::rethrow_exception(error);
 }
 
 }  // namespace saltus

@@ -12,6 +12,7 @@ struct BatchLimits {
     double duration;
     std::vector<double> fractions;  // of the initial energy, ascending
     bool with_peaks, to_rest;       // see `Motion`
+    int64_t passes;                 // of one motion between two questions whether the batch is interrupted
 };
 
 /// The motions of a batch: a row each.
@@ -30,7 +31,8 @@ struct Summary {
 };
 
 /// Run motions; the result of each depends on its own row alone. Reason NEW_MODE: the mode WANTED is to be added, and the motion to
-/// be run again. `interrupted` is asked now and then on the calling thread; the motions that are not done then have the reason PAUSED.
+/// be run again. There are not more threads than processors. `interrupted` is asked ten times a second on the calling thread; the motions
+/// that are not done then have the reason PAUSED, or are not begun.
 void run_batch(const ContactModes& modes, const BatchLimits& limits, const Batch& batch, int threads,
                const std::function<bool()>& interrupted);
 

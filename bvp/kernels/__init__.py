@@ -8,6 +8,4 @@
     contact_mode, sticking    restitution; sticking contacts, impacts beside them, the end of chattering
     energy_budget, motion     where the energy goes; the motion from event to event
     multipoint, newton, step  the boundary-value problem of an orbit under loads or in parameters, its corrections, the step along a family
-    shooting, verdict, intervals
-                              all orbits at an energy: starts, one flight of an interval, the scan
 """

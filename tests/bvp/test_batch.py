@@ -8,7 +8,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from bvp.simulate import Simulator
+from bvp.forcing import Constant
+from bvp.simulate import Simulator, run_linear
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.lab.motions import batch_of, impulsive
 
@@ -128,3 +129,41 @@ def test_threads_do_not_change_results():
     one, four = (batch_of(system, states, 60.0, threads=threads) for threads in (1, 4))
     for name, column in one.items():
         assert np.array_equal(column, four[name], equal_nan=True), name
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.9, 0.971, 0.975, 0.999])
+def test_motion_that_decays_loses_all_energy_beside_critical_damping(ratio):
+    """Oracle: the energy at the start, which the damper takes in infinite time. There the sum of exponentials cancels."""
+    system = ImpactSystem([[1.0]], [[2.0 * ratio]], [[1.0]], [Stop((1.0,), -10.0, 10.0)])
+    starts = np.array([[0.5, 1.0], [-1.0, 0.25], [0.0, 2.0]])
+    energies = 0.5 * np.sum(starts**2, axis=1)
+    simulator = Simulator(system)
+    summary = run_linear(simulator.table, starts, energies, np.full(3, 100), 1e4, np.array([0.5]), to_rest=True).summary
+    assert np.all(summary[:, 7] == 1.0)
+    parts = len(simulator.parts)
+    assert np.abs(summary[:, 9 : 9 + parts].sum(axis=1) / energies - 1.0).max() < 1e-13
+    assert np.all((summary[:, 10 + parts] > 0.0) & (summary[:, 10 + parts] < 10.0))  # half of it is gone within some periods
+
+
+def test_a_contact_mode_that_an_interrupt_leaves_out_is_made_up_for():
+    """Oracle: the same motion without the interrupt."""
+    motions = []
+    for is_cut in (False, True):
+        simulator = Simulator(ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), 0.0, 2.0, 0.5)]), [Constant([-1.0])])
+        assert len(simulator.table.core) == 1
+        if is_cut:  # behind the mode and before the core
+            simulator.table.modes[1] = simulator.table._mode(1)
+            simulator.table.__dict__.pop("stacked", None)
+        motions.append(simulator.run([1.0], [0.0], 20.0))
+    one, other = motions
+    assert one.sticking_time > 0.0 and one.status is other.status
+    assert np.array_equal(one.times, other.times) and np.array_equal(one.final, other.final)
+
+
+def test_threads_are_refused_and_limited():
+    """Oracle: the results of one thread."""
+    simulator, starts = Simulator(vibro_impact_nes(rho=0.7, lam=0.01)), np.outer(np.linspace(0.5, 2.0, 20), [0.0, 0.0, 0.0, 1.0])
+    one, many = (simulator.run_many(starts, 20.0, threads=threads) for threads in (1, 10**6))
+    assert np.array_equal(one.final, many.final) and one.status == many.status
+    with pytest.raises(ValueError, match="one thread, or more"):
+        simulator.run_many(starts, 20.0, threads=0)

@@ -64,14 +64,14 @@ def test_a_motion_does_not_depend_on_the_calls_that_it_takes(kind, slow):
 
 
 @pytest.mark.parametrize("kind", SYSTEMS)
-def test_many_motions_do_not_depend_on_the_calls_that_they_take(kind, slow):
+def test_many_motions_do_not_depend_on_the_calls_that_they_take(kind, slow, monkeypatch):
     """Oracle: the same motions in few calls, bit for bit."""
     system, u, v, forces = SYSTEMS[kind]
     starts = np.concatenate([u, v]) * np.linspace(0.2, 1.0, 7)[:, None]
     batches = []
     for _ in range(2):
         batches.append(Simulator(system, forces).run_many(starts, 30.0, with_peaks=True))
-        slow(3)
+        monkeypatch.setattr("bvp.simulate.PASSES", 3)
     same(*batches, BATCH)
 
 

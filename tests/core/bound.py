@@ -277,6 +277,9 @@ class Recorded:
     def add(self, *arguments):
         self.added.append(arguments)
 
+    def __len__(self):
+        return len(self.added)
+
 
 def motion_calls():
     """Those of motions: a sink with a load, in its free mode."""
@@ -298,8 +301,8 @@ def motion_calls():
     parts = len(motion.sums())
     summary = nan(3, 9 + parts + len(fractions) * (1 + parts) + 2)
     yield core, "run_batch", (
-        modes, starts, 0.5 * starts[:, 3] ** 2, np.array([0.7, math.nan, 0.5]), none, most, who, 9.0, fractions, True, False, 2, summary,
-        nan(3, 4), nan(3, 4),
+        modes, starts, 0.5 * starts[:, 3] ** 2, np.array([0.7, math.nan, 0.5]), none, most, who, 9.0, fractions, True, False, 100, 2,
+        summary, nan(3, 4), nan(3, 4),
     )  # fmt: skip
 
 
